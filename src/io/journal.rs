@@ -13,13 +13,15 @@
 //!        16..   the payload
 //! ```
 
+mod syncer;
+
 use crate::error::{Error, Result};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, ErrorKind, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
+use syncer::Syncer;
 
 /// The first byte of a header; records of work begin with others.
 pub const HEADER: u8 = b'H';
@@ -28,18 +30,17 @@ const MAGIC: &[u8; 16] = b"raybrook journal";
 const RECORD: &[u8; 4] = b"rec\n";
 const PREFIX_BYTES: u64 = 16;
 
-/// What is appended reaches the disk so often at the least: work of this time is lost at the most where the machine
-/// fails. Where only the program ends, nothing is.
-const SYNC_EVERY: Duration = Duration::from_secs(1);
-
 /// A journal that can be appended to. One program at a time has it.
+///
+/// Of what was appended the work of a second is lost at the most where the machine fails. Where only the program ends,
+/// nothing is.
 #[derive(Debug)]
 pub struct Journal {
     path: PathBuf,
     file: File,
     /// Where the next record begins.
     end: u64,
-    synced: Instant,
+    syncer: Syncer,
 }
 
 /// What a journal had when it was opened.
@@ -69,9 +70,12 @@ impl Journal {
     pub fn create(path: &Path, header: &[u8]) -> Result<Journal> {
         let new = File::options().read(true).write(true).create_new(true).open(path);
         let file = new.map_err(|error| Error::io("create", path, error))?;
-        let mut journal = Journal { path: path.to_owned(), file, end: MAGIC.len() as u64, synced: Instant::now() };
-        match journal.begin(header) {
-            Ok(()) => Ok(journal),
+        let begun = Journal::of(path, file, MAGIC.len() as u64).and_then(|mut journal| {
+            journal.begin(header)?;
+            Ok(journal)
+        });
+        match begun {
+            Ok(journal) => Ok(journal),
             Err(error) => {
                 // What has no header is no journal, and nobody could go on with it.
                 let _ = std::fs::remove_file(path);
@@ -80,10 +84,16 @@ impl Journal {
         }
     }
 
+    /// The journal in `file`, whose next record begins at `end`.
+    fn of(path: &Path, file: File, end: u64) -> Result<Journal> {
+        let same = file.try_clone().map_err(|error| Error::io("write", path, error))?;
+        Ok(Journal { path: path.to_owned(), file, end, syncer: Syncer::new(move || same.sync_data()) })
+    }
+
     fn begin(&mut self, header: &[u8]) -> Result<()> {
         lock(&self.file, &self.path)?;
         self.file.write_all(MAGIC).map_err(|error| Error::io("write", &self.path, error))?;
-        self.append(&[header])?;
+        self.write(&[header])?;
         self.sync()
     }
 
@@ -105,7 +115,7 @@ impl Journal {
         let file = File::options().read(true).write(true).open(path).map_err(|error| Error::io("read", path, error))?;
         lock(&file, path)?;
         let (end, condition) = read_records(&file, path, take)?;
-        Ok((Journal { path: path.to_owned(), file, end, synced: Instant::now() }, condition))
+        Ok((Journal::of(path, file, end)?, condition))
     }
 
     /// A new journal whose header is this, as JSON.
@@ -147,8 +157,15 @@ impl Journal {
     /// it had before.
     ///
     /// # Errors
-    /// [`Error::Io`] with action "write".
+    /// [`Error::Io`] with action "write", also where the disk has not taken what was appended before.
     pub fn append(&mut self, parts: &[&[u8]]) -> Result<()> {
+        self.syncer.before_append().map_err(|error| Error::io("write", &self.path, error))?;
+        self.write(parts)?;
+        self.syncer.appended();
+        Ok(())
+    }
+
+    fn write(&mut self, parts: &[&[u8]]) -> Result<()> {
         let length = parts.iter().map(|part| part.len() as u64).sum::<u64>();
         let mut checksum = crc32fast::Hasher::new();
         checksum.update(&length.to_le_bytes());
@@ -166,16 +183,15 @@ impl Journal {
             return Err(Error::io("write", &self.path, error));
         }
         self.end += PREFIX_BYTES + u64::from_le_bytes(length);
-        if self.synced.elapsed() >= SYNC_EVERY { self.sync() } else { Ok(()) }
+        Ok(())
     }
 
     /// Has the disk take what was appended.
     ///
     /// # Errors
-    /// [`Error::Io`] with action "write".
+    /// [`Error::Io`] with action "write", also where the disk has not taken something of it before.
     pub fn sync(&mut self) -> Result<()> {
-        self.synced = Instant::now();
-        self.file.sync_data().map_err(|error| Error::io("write", &self.path, error))
+        self.syncer.sync().map_err(|error| Error::io("write", &self.path, error))
     }
 
     /// Removes the journal: its work is done.
@@ -183,6 +199,7 @@ impl Journal {
     /// # Errors
     /// [`Error::Io`] with action "remove".
     pub fn remove(self) -> Result<()> {
+        self.syncer.forget();
         std::fs::remove_file(&self.path).map_err(|error| Error::io("remove", &self.path, error))
     }
 }

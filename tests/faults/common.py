@@ -163,6 +163,19 @@ def files(folder):
     return found
 
 
+def outputs(folder):
+    """What a run has written, but for what it keeps."""
+    kept = (".partial", "-turntable.json")
+    return {name: data for name, data in files(folder).items() if name.startswith("out") and not name.endswith(kept)}
+
+
+def clear(folder):
+    """Removes what a run has written and kept."""
+    for name in files(folder):
+        if name.startswith("out"):
+            os.remove(os.path.join(folder, name))
+
+
 def new_folder():
     return tempfile.TemporaryDirectory(prefix="raybrook-faults-")
 

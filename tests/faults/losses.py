@@ -1,10 +1,14 @@
 #!/usr/bin/env python3
-"""Breaks long work once in every way, has the same command go on, and tells what that cost: a table of faults and commands.
+"""Breaks long work once in every way, has the same command go on, and tells what that cost: a table of faults and
+commands.
 
-A fault hits in the middle of the run. Then the command is run again: the output must have an undisturbed run's bytes.
-FAULTS_LIBRARY names the library of opencl_faults.rs where it is compiled already.
+A fault hits in the middle of the run. Then the command is run again: the output must have an undisturbed run's bytes,
+and nothing that was finished may be made twice, but what was damaged. FAULTS_LIBRARY names the library of
+opencl_faults.rs where it is compiled already. Disks that are full are small file systems in memory, which only root may
+mount; else their rows are skipped.
 """
 
+import contextlib
 import os
 import random
 import re
@@ -33,31 +37,26 @@ PART = [*PICTURE, "--samples", "16", "-o", "part.pfm", "--device", "reference", 
 WITHOUT_JOURNAL = ("turntable", "merge")
 SIGNALS = ("SIGINT", "SIGTERM", "SIGKILL")
 LOST, STRICT, DAMAGED = "device lost", "device lost, --strict-device", "SIGKILL, journal damaged"
+FULL, LIMITED = "disk full", "file size limited"
 TIMED = (*SIGNALS, DAMAGED)
 CODES = {
     "SIGINT": (130,),
     "SIGTERM": (143,),
     "SIGKILL": (-9,),
-    "disk full": (5,),
+    FULL: (5,),
+    LIMITED: (5,),
     DAMAGED: (-9,),
     LOST: (0,),
     STRICT: (4,),
 }
 REFERENCE = ["--device", "reference"]
+# Bytes that are left on a disk that is filled in the middle of the run: less than the journal and the output take.
+ROOM = {"stress": 8 << 10, "turntable": 8 << 20, "trace": 40 << 20}
 # Times 4096 rays: four runs.
 TIMES = 900
 # The runs that a device is lost in have the small kernels, which compile in a moment.
-SMALL = ["--device", "0", "--structure", "brute", "--intersector", "moller-trumbore", "--packet-size", "1"]
-
-
-def outputs(folder):
-    """What a run has written."""
-    files = common.files(folder).items()
-    return {name: data for name, data in files if name.startswith("out") and not is_on_its_way(name)}
-
-
-def is_on_its_way(name):
-    return name.endswith(".partial") or name.endswith("-turntable.json")
+SMALL = ["--device", "0", "--structure", "kd", "--packet-size", "1"]
+INTERSECTOR = ["--intersector", "moller-trumbore"]
 
 
 def start(program, folder, words, variables):
@@ -88,43 +87,71 @@ def hit(program, folder, command, words, fault_and_middle, library):
         time.sleep(middle)
         child.send_signal(common.SIGNALS[fault.split(",")[0]])
         return ended(child)
-    if fault == "disk full":
+    if fault == LIMITED:
         # Blocks of 512 bytes in dash, of 1024 in others: less than the output takes.
         size = {"stress": 4, "turntable": 1200, "merge": 12000, "trace": 80000}.get(command, 24000)
         limited = ["-c", f'ulimit -f {size}; exec "$0" "$@"', program, *words]
         return ended(start("sh", folder, limited, {}))
+    if fault == FULL:
+        with full_disk(folder, ROOM.get(command, 12 << 20)):
+            return ended(start(program, folder, words, {}))
     variables = {"OPENCL_DYLIB_PATH": library, "OPENCL_FAULT": f"from:{middle}:-36"}
     return ended(start(program, folder, words, variables))
 
 
 def launch_in_the_middle(program, folder, words, library):
-    """The number of a call of an undisturbed run."""
+    """The number of a call of an undisturbed run. The first launches are small, so that it is not the middle one."""
     log = os.path.join(folder, "log")
     code, said = ended(start(program, folder, words, {"OPENCL_DYLIB_PATH": library, "OPENCL_FAULT_LOG": log}))
     if code not in (0, 1):
         sys.exit(f"{' '.join(words)} ends with {code}: {said}")
     with open(log) as file:
         launches = [number for number, name in enumerate(file, 1) if name.strip() == "clEnqueueNDRangeKernel"]
-    return launches[len(launches) // 2]
+    return launches[len(launches) * 3 // 4]
 
 
-def clear(folder):
-    for name in common.files(folder):
-        if name.startswith("out"):
-            os.remove(os.path.join(folder, name))
+def mount(*words):
+    return subprocess.run(["mount", "-t", "tmpfs", *words], capture_output=True).returncode == 0
+
+
+@contextlib.contextmanager
+def disk(folder):
+    """Puts a file system in memory at a folder; yields whether that is allowed."""
+    is_there = mount("tmpfs", folder)
+    try:
+        yield is_there
+    finally:
+        if is_there:
+            subprocess.run(["umount", folder], check=True)
+
+
+@contextlib.contextmanager
+def full_disk(folder, room):
+    """Leaves so many bytes of that file system."""
+    found = os.statvfs(folder)
+    used = (found.f_blocks - found.f_bfree) * found.f_frsize
+    mount("-o", f"remount,size={used + room}", folder) or sys.exit("no smaller file system")
+    try:
+        yield
+    finally:
+        mount("-o", f"remount,size={found.f_blocks * found.f_frsize}", folder)
 
 
 def begun_with(said):
-    """What a run says that it begins with."""
-    found = re.search(r"goes on with .*?: (\d+ of \d+ \w+)", said)
-    return found.group(1) if found else "nothing"
+    """How many pieces of how many a run says that it begins with, and what they are."""
+    found = re.search(r"goes on with .*?: (\d+) of (\d+ \w+)", said)
+    return (int(found.group(1)), found.group(2)) if found else (0, "")
 
 
 def one(program, command, fault, library, chance):
-    """A row: exit code, what was kept, the exit code of the same command, whether the bits are equal; and what is wrong."""
+    """A row: exit code, what was lost and kept, the exit code of the same command, whether the bits are equal; and what
+    is wrong.
+    """
     is_of_device = fault.startswith("device")
-    words = [*COMMANDS[command][0], *(SMALL if is_of_device else REFERENCE if command != "merge" else [])]
-    with common.new_folder() as folder:
+    words = words_of(command, is_of_device)
+    with common.new_folder() as folder, disk(folder) if fault == FULL else contextlib.nullcontext(True) as is_possible:
+        if not is_possible:
+            return None, None
         common.scene(folder)
         if "many.npz" in words:
             resume.many(os.path.join(folder, "many.npz"), chance, TIMES)
@@ -137,24 +164,46 @@ def one(program, command, fault, library, chance):
             begun = time.monotonic()
             common.run(program, folder, words)
             middle = 0.5 * (time.monotonic() - begun)
-        undisturbed = outputs(folder)
-        clear(folder)
+        undisturbed = common.outputs(folder)
+        common.clear(folder)
         strict = ["--strict-device"] if fault == STRICT else []
         code, said = hit(program, folder, command, [*words, *strict], (fault, middle), library)
-        if fault == DAMAGED:
-            journal = os.path.join(folder, COMMANDS[command][1] + ".partial")
-            if os.path.exists(journal):
-                resume.spoil(journal, chance)
-        frames = len(outputs(folder))
+        kept = resume.Frames(folder) if command == "turntable" else resume.Journal(folder, COMMANDS[command][1])
+        finished, before = kept.finished()
+        if fault == DAMAGED and kept.size() is not None:
+            resume.spoil(kept.path, chance)
         again, text = (code, said) if code in (0, 1) else ended(start(program, folder, words, {}))
-        is_equal = outputs(folder) == undisturbed
+        is_equal = common.outputs(folder) == undisturbed
         names = common.files(folder)
         left = [name for name in names if name.endswith(".partial") or os.path.basename(name).startswith(".raybrook-")]
         has_note = fault != LOST or command == "stress" or "goes on in place of" in said
+        lost, share = 0, "all"
+        if code not in (0, 1):
+            lost, share = loss(command, kept, (finished, before), text)
         is_right = again in (0, 1) and is_equal and not left and has_note and is_expected(command, fault, code)
-        kept = "all" if code in (0, 1) else f"{frames} of 12 frames" if command == "turntable" else begun_with(text)
-        row = (code, kept, again, "yes" if is_equal else "no")
+        is_right = is_right and (lost == 0 or fault == DAMAGED)
+        made_anew = f"0 ({lost} damaged, made anew)" if fault == DAMAGED and lost else lost
+        row = (code, made_anew, share, again, "yes" if is_equal else "no")
         return row, None if is_right else f"{said}{text}{left}"
+
+
+def words_of(command, is_of_device):
+    """A command with its device."""
+    words = COMMANDS[command][0]
+    if is_of_device:
+        return [*words, *SMALL, *([] if command == "stress" else INTERSECTOR)]
+    return words if command == "merge" else [*words, *REFERENCE]
+
+
+def loss(command, kept, finished_before, text):
+    """How many finished pieces the same command did not go on with, and how many it did, from what it said."""
+    finished, before = finished_before
+    if command == "merge":
+        return 0, "nothing is kept"
+    if command == "turntable":
+        return int(kept.has_lost(before)), f"{finished} of 12 frames"
+    begun, of = begun_with(text)
+    return max(0, finished - begun), f"{begun} of {of}" if of else "0"
 
 
 def is_expected(command, fault, code):
@@ -165,12 +214,12 @@ def is_expected(command, fault, code):
 
 
 def faults_of(command):
-    faults = [*SIGNALS, "disk full"]
+    faults = [*SIGNALS, FULL, LIMITED]
     if command not in WITHOUT_JOURNAL:
         faults.append(DAMAGED)
     if command == "stress":
         faults.append(LOST)
-    elif command not in ("merge", "render --error"):
+    elif command != "merge":
         faults += [LOST, STRICT]
     return faults
 
@@ -184,10 +233,14 @@ def main():
     failures = 0
     with common.new_folder() as folder:
         library = common.faults_library(folder) or sys.exit("rustc is missing, or cannot compile opencl_faults.rs")
-        print("| command | fault | exit code | kept | the same command again | same bits |\n|---|---|--:|---|--:|---|")
+        print(
+            "| command | fault | exit code | finished pieces lost | kept | the same command again | same bits |\n"
+            "|---|---|--:|--:|---|--:|---|"
+        )
         for command in wanted:
             for fault in faults_of(command):
                 row, wrong = one(program, command, fault, library, chance)
+                row = row or ("SKIPPED: only root may mount a file system", "", "", "", "")
                 print(f"| `{command}` | {fault} | " + " | ".join(str(value) for value in row) + " |", flush=True)
                 if wrong is not None:
                     failures += 1

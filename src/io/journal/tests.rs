@@ -2,6 +2,8 @@
 
 use super::*;
 use crate::random::Random;
+use std::sync::mpsc::channel;
+use std::time::{Duration, Instant};
 
 /// A journal of some records, and where each begins.
 fn written(path: &Path) -> (Vec<Vec<u8>>, Vec<u64>) {
@@ -86,6 +88,34 @@ fn damaged_records_are_left_out_and_no_others() {
         assert_eq!(read, expected, "byte {at}");
         assert_eq!(condition.damaged_bytes + condition.cut_bytes, begins[hurt + 1] - begins[hurt]);
     }
+}
+
+/// The last record is brought to the disk although none follows, and a disk that did not take one is told of.
+#[test]
+fn the_disk_takes_every_record_soon() {
+    const LONG: Duration = Duration::from_secs(60);
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.partial");
+    let mut journal = Journal::create(&path, b"header").unwrap();
+    let (syncs, synced) = channel();
+    // What the file had when the disk was called for; the second call and all later ones fail.
+    let file = journal.reader().unwrap();
+    let sync = move || {
+        let bytes = file.metadata()?.len();
+        let is_first = bytes == PREFIX_BYTES * 3 + MAGIC.len() as u64 + 6 + 3 + 4;
+        let _ = syncs.send(bytes); // at the end nobody listens
+        if is_first { Ok(()) } else { Err(io::Error::other("the disk is gone")) }
+    };
+    journal.syncer = Syncer::with_times(sync, Duration::from_millis(50), LONG);
+    journal.append(&[b"one"]).unwrap();
+    journal.append(&[b"more"]).unwrap();
+    assert_eq!(synced.recv_timeout(LONG).unwrap(), journal.end);
+    journal.append(&[b"last"]).unwrap();
+    let end = journal.end;
+    assert_eq!(synced.recv_timeout(LONG).unwrap(), end);
+    let message = format!("{:?}", journal.sync().unwrap_err());
+    assert!(message.contains("the disk is gone") && message.contains("a.partial"), "{message}");
+    journal.remove().unwrap();
 }
 
 /// Every sixteen bytes of a file say that the rest of it is a record.
