@@ -11,8 +11,8 @@
 //! middle1.z  half1.z  0          0           of child 1
 //!
 //! link:  bit 31 clear   an inner node's number; its first record is four times that
-//!        bit 31 set     a leaf: bits 0-26 its first reference, bits 27-30 how many there are; with instances a leaf of none is the
-//!                       instance whose number is one less
+//!        bit 31 set     a leaf: bits 0-26 its first reference, bits 27-30 how many there are; with instances a
+//!                       leaf of none is the instance whose number is one less
 //! ```
 //!
 //! A box is larger than what it holds by some padding on all sides (`cl/shared/slab.cl`), and by what its numbers are

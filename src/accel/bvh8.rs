@@ -58,7 +58,8 @@ fn pack_leaves(tree: &Bvh, vertices: &[[Vec3; 3]], padding: Padding, most_leaves
     let leaf_count = tree.nodes.iter().filter(|node| node.is_leaf()).count();
     if leaf_count > most_leaves {
         let reason = format!(
-            "its hierarchy of boxes has {leaf_count} leaves, and `structure = bvh8` can number {most_leaves}; take `structure = bvh2`"
+            "its hierarchy of boxes has {leaf_count} leaves, and `structure = bvh8` can number {most_leaves}; take \
+             `structure = bvh2`"
         );
         return Err(Error::Scene(reason));
     }

@@ -4,7 +4,7 @@
 //! Structures are larger than what they hold by what rounding may be off, and that grows with the distance of the
 //! farthest corner: so one far vertex makes all boxes alike, and a grid's or an octree's cells hold everything else at
 //! once. Here it is told how far most triangles reach. Hierarchies and lists of boxes make only those boxes larger that
-//! reach beyond, by what these need (`pad_distance` in `cl/shared/slab.cl`), and others test the few triangles that
+//! reach beyond, by what these need (`padding_distance` in `cl/shared/slab.cl`), and others test the few triangles that
 //! reach beyond for every ray.
 //!
 //! Bad at: rays that start farther out, for which all is as large as before; scenes whose scales are many, of which it
@@ -21,8 +21,8 @@ const FEWEST: usize = 64;
 /// What most triangles reach is so many times what half of them do: cameras and lights are about as far away.
 const REACH_OF_MOST: f32 = 16.0;
 
-/// How much farther the farthest one must reach: there the pads of its distance are a hundredth of what most triangles
-/// reach, and less cost less than it would to tell them apart.
+/// How much farther the farthest one must reach: there the padding of its distance is a hundredth of what most
+/// triangles reach, and less cost less than it would to tell them apart.
 const MUCH_FARTHER: f32 = 4096.0;
 
 /// A structure tests this part of its triangles for every ray, at most.
@@ -34,8 +34,8 @@ fn reach_of(triangle: &[Vec3; 3]) -> f32 {
     low.abs().max(high.abs()).max_element()
 }
 
-/// The least reach with the exact test and slabs: their pads are still normal numbers, and larger than what underflows
-/// (`LEAST_PAD`).
+/// The least reach with the exact test and slabs: their paddings are still normal numbers, and larger than what
+/// underflows (`LEAST_PADDING`).
 const LEAST: f32 = 1.0 / (1u128 << 100) as f32;
 
 /// That with a rounded test, whose products of two differences must not underflow.
@@ -99,7 +99,7 @@ impl From<f32> for Padding {
 }
 
 impl Padding {
-    /// That of a box: for rays that start within the reach, whose pads are for what is within it, too.
+    /// That of a box: for rays that start within the reach, whose padding is for what is within it, too.
     pub fn of(&self, bounds: &Aabb) -> f32 {
         let reach = bounds.low.abs().max(bounds.high.abs()).max_element();
         if self.near_reach == 0.0 || reach <= self.near_reach {

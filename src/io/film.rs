@@ -146,7 +146,8 @@ struct DisplayValues {
 }
 
 impl DisplayValues {
-    /// Lower bits of light that `below` does not tell apart: among those with 8 bits there is one of `next` at the most.
+    /// Lower bits of light that `below` does not tell apart: among those with 8 bits there is one of `next` at the
+    /// most.
     const SHIFT: u32 = 16;
 
     fn new(max: u16) -> Self {
@@ -307,7 +308,8 @@ impl Film {
     /// Writes the picture in `format`, or in the one that the extension of `path` stands for.
     ///
     /// PNG shows negative and non-finite channels as 0 and clips at 1; ask [`Film::non_finite`] and tell the user.
-    /// OpenEXR and PFM keep every value as it is. The file appears when it is complete (see [`crate::low_level::output`]).
+    /// OpenEXR and PFM keep every value as it is. The file appears when it is complete (see
+    /// [`crate::low_level::output`]).
     ///
     /// # Errors
     /// As [`check_output`]; [`Error::Io`] with action "write" when writing fails or the film has no pixels or not

@@ -2,7 +2,8 @@
 //!
 //! A journal begins with a header, which tells what work it is of; each piece of work that is finished is a record
 //! behind it. Records are appended and never changed. A record that was cut off, as by a full disk or a power failure,
-//! or that the disk has damaged, is found by its checksum and left out when the journal is read: its work is done again.
+//! or that the disk has damaged, is found by its checksum and left out when the journal is read: its work is done
+//! again.
 //!
 //! ```text
 //! bytes  0..16  "raybrook journal"
@@ -97,8 +98,8 @@ impl Journal {
         self.sync()
     }
 
-    /// Opens a journal to append to it. `take` gets the payload of every whole record, the header first; where it fails,
-    /// the journal is left as it is.
+    /// Opens a journal to append to it. `take` gets the payload of every whole record, the header first; where it
+    /// fails, the journal is left as it is.
     ///
     /// # Errors
     /// [`Error::Io`] with action "read", or "write" when another program has it; [`Error::Input`] when the file is no
@@ -153,8 +154,8 @@ impl Journal {
         self.file.try_clone().map_err(|error| Error::io("read", &self.path, error))
     }
 
-    /// Appends a record whose payload is `parts` one after the other. Where that fails, the journal has the records that
-    /// it had before.
+    /// Appends a record whose payload is `parts` one after the other. Where that fails, the journal has the records
+    /// that it had before.
     ///
     /// # Errors
     /// [`Error::Io`] with action "write", also where the disk has not taken what was appended before.
@@ -331,7 +332,8 @@ pub fn remove_unbegun(path: &Path) -> Result<()> {
     }
 }
 
-/// No header takes so many bytes. A longer file in which nothing can be read was damaged, of which somebody should know.
+/// No header takes so many bytes. A longer file in which nothing can be read was damaged, of which somebody should
+/// know.
 const LARGEST_HEADER: u64 = 64 << 10;
 
 /// Whether a file is a journal, or the first bytes of one, without a whole record.
@@ -402,8 +404,8 @@ fn read_records(file: &File, path: &Path, mut take: impl FnMut(&Record) -> Resul
     Ok((end, condition))
 }
 
-/// So many times its length is read of a journal for records that turn out to be none: a damaged one is read once, but a
-/// file may be made so that every sixteen bytes promise the rest of it. What is left then counts as cut off.
+/// So many times its length is read of a journal for records that turn out to be none: a damaged one is read once, but
+/// a file may be made so that every sixteen bytes promise the rest of it. What is left then counts as cut off.
 const IN_VAIN: u64 = 16;
 
 /// A reader behind what tells that a file is a journal, and the file's length.
@@ -419,7 +421,8 @@ fn after_magic<'a>(file: &'a File, path: &Path) -> Result<(BufReader<&'a File>, 
     }
 }
 
-/// Reads the record that begins here, if there is a whole one in so many bytes. Else `payload` has what was read for it.
+/// Reads the record that begins here, if there is a whole one in so many bytes. Else `payload` has what was read for
+/// it.
 fn read_record(reader: &mut impl Read, most: u64, payload: &mut Vec<u8>) -> io::Result<bool> {
     let mut prefix = [0; PREFIX_BYTES as usize];
     payload.clear();

@@ -59,8 +59,8 @@ const GROWTH: usize = 4;
 const HELPS_FROM: f64 = 1.5;
 
 impl Queue {
-    /// Of units for so many devices, each of which may take so long for what it has at a time; with `has_last_resort` one
-    /// more works where all of these have failed.
+    /// Of units for so many devices, each of which may take so long for what it has at a time; with `has_last_resort`
+    /// one more works where all of these have failed.
     pub fn new(
         (units, most_time): (Vec<Vec<usize>>, Option<Duration>),
         devices: usize,

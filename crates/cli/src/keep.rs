@@ -52,7 +52,8 @@ pub struct KeepArgs {
     /// written. Where work is counted, rays are traced again and again for timing, or --layers tells of samples or
     /// their error, nothing is kept. A picture of more than 44 million pixels by its --error is kept from the first
     /// block on, in place of memory.
-    #[arg(long, help_heading = heading::OUTPUT, hide_short_help = true, value_name = "WHEN", default_value = "auto", hide_default_value = true, hide_possible_values = true)]
+    #[arg(long, help_heading = heading::OUTPUT, hide_short_help = true, value_name = "WHEN")]
+    #[arg(default_value = "auto", hide_default_value = true, hide_possible_values = true)]
     pub keep: Keep,
     /// Begin anew, and remove what is kept of an earlier run.
     #[arg(long, help_heading = heading::OUTPUT, hide_short_help = true)]
@@ -82,8 +83,8 @@ impl KeepArgs {
     }
 
     /// What is kept of the work on this output, or on a part of it, and where; what an earlier run has kept there is
-    /// removed, if that is asked for. Beside a pipe or a device, such as /dev/stdout, nothing is kept unless it is asked
-    /// for, or the journal `is_result`. Where the time may be up, everything that is finished is kept.
+    /// removed, if that is asked for. Beside a pipe or a device, such as /dev/stdout, nothing is kept unless it is
+    /// asked for, or the journal `is_result`. Where the time may be up, everything that is finished is kept.
     ///
     /// # Errors
     /// [`Error::Option`] when nothing is to be kept where the time may be up; and as [`journal::remove_unbegun`].
@@ -252,8 +253,8 @@ impl<'a> Keeper<'a> {
         Ok(done.journal.is_some())
     }
 
-    /// Renders the blocks that are not kept yet. The result is of all, with those of earlier runs; its film has no pixels
-    /// where `rows` takes them.
+    /// Renders the blocks that are not kept yet. The result is of all, with those of earlier runs; its film has no
+    /// pixels where `rows` takes them.
     ///
     /// # Errors
     /// As [`render_blocks`], where the journal cannot be made, written or read, and those of `rows`.

@@ -199,7 +199,8 @@ struct CompilerArgs {
     /// Further options for the device's compiler, such as "-cl-mad-enable -w".
     ///
     /// The hits stay the same; the book's page on runtimes tells what was tested.
-    #[arg(long, value_name = "OPTIONS", allow_hyphen_values = true, hide_short_help = true, help_heading = heading::DIAGNOSIS)]
+    #[arg(long, value_name = "OPTIONS", allow_hyphen_values = true)]
+    #[arg(hide_short_help = true, help_heading = heading::DIAGNOSIS)]
     compiler_options: Option<String>,
 }
 
@@ -234,7 +235,8 @@ struct PictureArgs {
     samples: Option<Samples>,
     /// Longest chain of rays through mirrors and glass, the camera ray counted; 1: none is mirrored or refracted
     /// [default: the scene's, else 8].
-    #[arg(long, help_heading = heading::PICTURE, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=i64::from(PictureDefaults::MAX_DEPTH)))]
+    #[arg(long, help_heading = heading::PICTURE, value_name = "N")]
+    #[arg(value_parser = clap::value_parser!(u32).range(1..=i64::from(PictureDefaults::MAX_DEPTH)))]
     depth: Option<u32>,
     /// Do not cast secondary rays of less weight; 0 casts all [default: what cannot change an 8-bit pixel,
     /// or one by half of the --error that is asked for].
@@ -266,7 +268,8 @@ fn parse_weight(text: &str) -> Result<f32, String> {
 /// A scene to work on.
 #[derive(Args)]
 struct SceneArgs {
-    /// The scene: a model (.obj, .ply, .stl, .gltf, .glb, .off, .3mf, .nff) or a scene file (.toml, see the book's page on scenes).
+    /// The scene: a model (.obj, .ply, .stl, .gltf, .glb, .off, .3mf, .nff) or a scene file (.toml, see the book's page
+    /// on scenes).
     #[arg(value_name = "SCENE")]
     scene: PathBuf,
     /// Take a scene file without any object: every ray misses.

@@ -124,9 +124,9 @@ fn argument(option: &'static MethodOption) -> Arg {
 }
 
 /// How the program chooses a structure.
-const AUTO_STRUCTURE: &str = "what `raybrook tune` found on the device, else bvh8 on a CPU, bvh2 on a GPU; on the reference kd for 100 to \
-    299999 triangles, bvh2 for fewer or more; instances where these share a million triangles, on a GPU 65536; or what other options are \
-    for, such as kd with --build (info and tables of methods prefer kd)";
+const AUTO_STRUCTURE: &str = "what `raybrook tune` found on the device, else bvh8 on a CPU, bvh2 on a GPU; on the \
+    reference kd for 100 to 299999 triangles, bvh2 for fewer or more; instances where these share a million triangles, \
+    on a GPU 65536; or what other options are for, such as kd with --build (info and tables of methods prefer kd)";
 
 /// What is wrong with a value: its flag stands before it already.
 fn what(error: &Error) -> String {

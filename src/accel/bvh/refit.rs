@@ -1,8 +1,9 @@
 //! New boxes for a tree whose triangles have moved: its nodes stay, their boxes are those around the triangles as they
 //! are now.
 //!
-//! Wald, Boulos and Shirley, "Ray Tracing Deformable Scenes using Dynamic Bounding Volume Hierarchies", ACM Transactions
-//! on Graphics 26(1), 2007, section 3.2. Bad at triangles that change their neighbours: boxes overlap more and more.
+//! Wald, Boulos and Shirley, "Ray Tracing Deformable Scenes using Dynamic Bounding Volume Hierarchies", ACM
+//! Transactions on Graphics 26(1), 2007, section 3.2. Bad at triangles that change their neighbours: boxes overlap more
+//! and more.
 
 use super::{Bvh, build_bvh};
 use crate::accel::{Aabb, BuildOptions};
@@ -58,8 +59,8 @@ impl KeptBvh {
     }
 }
 
-/// The tree of the triangles `primitives` of `vertices`: what is kept, with new boxes, while that is worth it, else a new
-/// one. Of a scene that does not move nothing is kept, so that its tree takes no memory once it is packed.
+/// The tree of the triangles `primitives` of `vertices`: what is kept, with new boxes, while that is worth it, else a
+/// new one. Of a scene that does not move nothing is kept, so that its tree takes no memory once it is packed.
 ///
 /// # Errors
 /// As [`build_bvh`].
