@@ -3,8 +3,8 @@
 #
 #   fuzz/run.sh [SECONDS [TARGET...]]      600 seconds each, and all targets, unless something else is said
 #
-# FUZZ_SEEDS names a folder of models whose small files are tried, too. Prints a row for each target, and ends with 1 if one
-# failed: the input lies in fuzz/artifacts/TARGET then.
+# FUZZ_SEEDS names a folder of models whose small files are tried, too. Prints a row for each target, and ends with 1 if
+# one failed: the input lies in fuzz/artifacts/TARGET then.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")"
 
@@ -23,7 +23,8 @@ cargo +nightly fuzz build --fuzz-dir . --target "$host" --target-dir target --co
 
 # Most of the time would go into a disk.
 [[ -n ${TMPDIR:-} || ! -d /dev/shm ]] || export TMPDIR=/dev/shm
-# One thread, so that an input does the same each time. An allocation that is refused is no fault, but one that is large is.
+# One thread, so that an input does the same each time.
+# An allocation that is refused is no fault, but one that is large is.
 export RAYON_NUM_THREADS=1 ASAN_OPTIONS=allocator_may_return_null=1:quarantine_size_mb=16
 limits=(-rss_limit_mb=2048 -malloc_limit_mb=512 -timeout=20 -detect_leaks=0)
 

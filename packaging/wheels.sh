@@ -61,7 +61,8 @@ sdist() {
     [[ -e $out/raybrook-$version.tar.gz ]] || fail "there is no source distribution of version $version"
     # The folders that Cargo.toml names must be in it, or nothing can be built of it.
     tar -xzf "$out/raybrook-$version.tar.gz" -C "$scratch"
-    cargo metadata --locked --no-deps --format-version 1 --manifest-path "$scratch/raybrook-$version/Cargo.toml" >/dev/null
+    cargo metadata --locked --no-deps --format-version 1 \
+        --manifest-path "$scratch/raybrook-$version/Cargo.toml" >/dev/null
 }
 
 # As a user has it: of all that is here the new environment sees the wheel alone.

@@ -1,7 +1,8 @@
-"""What Blender shows of a model that it has just opened: blender -b --factory-startup -P blender_view.py -- MODEL PICTURE WxH
+"""What Blender shows of a model that it has just opened:
+blender -b --factory-startup -P blender_view.py -- MODEL PICTURE WxH
 
-By its Workbench, which draws the viewport's solid view, from the direction of the startup file's camera, with all of the
-model in the picture (the Home key). Needs a screen, or xvfb-run. For contact_sheet.py.
+By its Workbench, which draws the viewport's solid view, from the direction of the startup file's camera, with all of
+the model in the picture (the Home key). Needs a screen, or xvfb-run. For contact_sheet.py.
 """
 
 import math

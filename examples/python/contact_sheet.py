@@ -84,7 +84,9 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("places", nargs="+", metavar="MODEL|FOLDER")
     parser.add_argument("-o", "--output", default="sheet.png")
-    parser.add_argument("--raybrook", action="append", metavar="PROGRAM", help="may be given again, to compare versions")
+    parser.add_argument(
+        "--raybrook", action="append", metavar="PROGRAM", help="may be given again, to compare versions"
+    )
     parser.add_argument("--no-f3d", action="store_true", help="without f3d, though it is installed")
     parser.add_argument("--no-blender", action="store_true", help="without Blender, though it is installed")
     parser.add_argument("--size", default="320x240", metavar="WxH", help="of each picture")

@@ -18,7 +18,8 @@ pub use models::{gltf, mtl, nff, obj, off, ply, stl, texture, threemf, toml};
 pub use options::options;
 pub use rays::npz;
 
-/// Does with an input what must be done, panics where something does not hold, and tells whether the input could be used.
+/// Does with an input what must be done, panics where something does not hold, and tells whether
+/// the input could be used.
 pub type Target = fn(&[u8]) -> bool;
 
 /// All targets by their names, which are those of `targets/` and `seeds/`.

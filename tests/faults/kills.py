@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""Stops render, trace, stress and study at random times and looks at what is left: no unfinished file, no output that is not whole,
+"""Stops render, trace, stress and study at random times and looks at what is left: no unfinished file, no output \
+that is not whole,
 the exit code of the signal, and what stress and study have found until then.
 """
 
@@ -14,7 +15,9 @@ import common
 
 SMALL = ["--device", "reference"]
 COMMANDS = {
-    "render": ["render", "scene.toml", "--size", "512x384", "--samples", "4", "-o", "out.png", "--stats", "out.json", *SMALL],
+    "render": [
+        "render", "scene.toml", "--size", "512x384", "--samples", "4", "-o", "out.png", "--stats", "out.json", *SMALL
+    ],
     "trace": ["trace", "model.obj", "rays.npz", "-o", "out.npz", "--stats", "out.json", "--repeat", "200", *SMALL],
     "stress": ["stress", "--rays", "300", "--json", "out.json", "--write", "wrong", "--intersector", "thesis", *SMALL],
     "study": ["study", "leaf-size", "layout", "--quick", "-o", "report", *SMALL],
@@ -60,7 +63,11 @@ def fault(program, command, words, name, delay):
                 common.write(folder, old, data)
         before = common.files(folder)
         child = subprocess.Popen(
-            [program, *words], cwd=folder, env=common.environment(folder), stdout=subprocess.PIPE, stderr=subprocess.PIPE
+            [program, *words],
+            cwd=folder,
+            env=common.environment(folder),
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
         )
         time.sleep(delay)
         child.send_signal(common.SIGNALS[name])

@@ -1,14 +1,15 @@
 #!/usr/bin/env python3
 """Breaks input files at random, gives them to raybrook, and counts how it takes that.
 
-Small files of every format that raybrook reads (the project's own scenes, and some made here) are changed by bytes, cuts, insertions,
-numbers, and words, and each is rendered, described, or traced on the reference under a limit of time and memory. Whatever happens, the
-program must end by itself with a documented exit code. The same seed makes the same files.
+Small files of every format that raybrook reads (the project's own scenes, and some made here) are changed by bytes,
+cuts, insertions, numbers, and words, and each is rendered, described, or traced on the reference under a limit of time
+and memory. Whatever happens, the program must end by itself with a documented exit code. The same seed makes the same
+files.
 
     tests/faults/mutate.py target/debug/raybrook --runs 1000 --seed 1 --keep failing
 
-prints one row a kind of file (`kind, runs, failures`), then one line a failure, and ends with 1 when there is one. Needs Python 3.8
-and nothing else.
+prints one row a kind of file (`kind, runs, failures`), then one line a failure, and ends with 1 when there is one.
+Needs Python 3.8 and nothing else.
 """
 
 import argparse
@@ -33,12 +34,16 @@ ADDRESS_SPACE = 2 << 30  # of one run, bytes
 REPOSITORY = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 
 EXTREMES = [
-    b"0", b"-0", b"1", b"-1", b"2", b"nan", b"inf", b"-inf", b"1e38", b"-3.4e38", b"3.5e38", b"1e39", b"1e-45", b"1e-38", b"1e308", b"1e999",
-    b"255", b"256", b"4095", b"4096", b"4097", b"65535", b"65536", b"2147483647", b"2147483648", b"4294967295", b"4294967296", b"-2147483649",
-    b"9223372036854775807", b"18446744073709551616", b"1e1000000000", b"0x10", b"1_000", b".", b"", b"99999999999999999999999999999999",
+    b"0", b"-0", b"1", b"-1", b"2", b"nan", b"inf", b"-inf",
+    b"1e38", b"-3.4e38", b"3.5e38", b"1e39", b"1e-45", b"1e-38", b"1e308", b"1e999",
+    b"255", b"256", b"4095", b"4096", b"4097", b"65535", b"65536",
+    b"2147483647", b"2147483648", b"4294967295", b"4294967296", b"-2147483649",
+    b"9223372036854775807", b"18446744073709551616", b"1e1000000000",
+    b"0x10", b"1_000", b".", b"", b"99999999999999999999999999999999",
 ]
 EXTREME_BYTES = [
-    b"\x00\x00\x00\x00", b"\xff\xff\xff\xff", b"\xff\xff\xff\x7f", b"\x00\x00\x00\x80", b"\x00\x00\x80\x7f", b"\x00\x00\x80\xff", b"\x00\x00\xc0\x7f",
+    b"\x00\x00\x00\x00", b"\xff\xff\xff\xff", b"\xff\xff\xff\x7f", b"\x00\x00\x00\x80",
+    b"\x00\x00\x80\x7f", b"\x00\x00\x80\xff", b"\x00\x00\xc0\x7f",
     b"\x7f\x7f\x7f\x7f", b"\x01\x00\x00\x00", b"\x00\x00\x00\x01",
 ]
 
@@ -48,9 +53,15 @@ def ply(order, smooth):
     points = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)]
     faces = [(0, 2, 1), (0, 1, 3), (1, 2, 3), (2, 0, 3)]
     name = {"ascii": "ascii", "<": "binary_little_endian", ">": "binary_big_endian"}[order]
-    head = "ply\nformat %s 1.0\ncomment made\nelement vertex %d\nproperty float x\nproperty float y\nproperty float z\n" % (name, len(points))
+    head = (
+        "ply\nformat %s 1.0\ncomment made\nelement vertex %d\n"
+        "property float x\nproperty float y\nproperty float z\n" % (name, len(points))
+    )
     if smooth:
-        head += "property float nx\nproperty float ny\nproperty float nz\nproperty float u\nproperty float v\nproperty uchar red\nproperty uchar green\nproperty uchar blue\n"
+        head += (
+            "property float nx\nproperty float ny\nproperty float nz\nproperty float u\nproperty float v\n"
+            "property uchar red\nproperty uchar green\nproperty uchar blue\n"
+        )
     head += "element face %d\nproperty list uchar int vertex_indices\nend_header\n" % len(faces)
     rows = []
     for i, p in enumerate(points):
@@ -79,13 +90,16 @@ def png(width=4, height=4):
     rows = b"".join(b"\x00" + bytes((17 * x * y + x) % 256 for x in range(3 * width)) for y in range(height))
     def chunk(kind, data):
         return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
-    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)) + chunk(b"IDAT", zlib.compress(rows)) + chunk(b"IEND", b"")
+    return (
+        b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0))
+        + chunk(b"IDAT", zlib.compress(rows)) + chunk(b"IEND", b"")
+    )
 
 
 def gltf(binary):
     """A tetrahedron in two places, one of its points sparse, with a texture, a camera and a light."""
-    parts = [struct.pack("<12f", 0, 0, 0, 9, 9, 9, 0, 1, 0, 0, 0, 1), bytes([0, 2, 1, 0, 1, 3, 1, 2, 3, 2, 0, 3]), b"\x01\0\0\0",
-             struct.pack("<3f", 1, 0, 0), struct.pack("<8f", 0, 0, 1, 0, 0, 1, 1, 1), png()]
+    parts = [struct.pack("<12f", 0, 0, 0, 9, 9, 9, 0, 1, 0, 0, 0, 1), bytes([0, 2, 1, 0, 1, 3, 1, 2, 3, 2, 0, 3]),
+             b"\x01\0\0\0", struct.pack("<3f", 1, 0, 0), struct.pack("<8f", 0, 0, 1, 0, 0, 1, 1, 1), png()]
     views, data = [], b""
     for part in parts:
         views.append({"buffer": 0, "byteOffset": len(data), "byteLength": len(part)})
@@ -99,14 +113,17 @@ def gltf(binary):
                   {"camera": 0, "translation": [1, 0, 5], "extensions": {"KHR_lights_punctual": {"light": 0}}}],
         "meshes": [{"primitives": [{"attributes": {"POSITION": 0, "TEXCOORD_0": 2}, "indices": 1, "material": 0}]}],
         "accessors": [{"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3", "sparse": {
-                          "count": 1, "indices": {"bufferView": 2, "componentType": 5121}, "values": {"bufferView": 3}}},
+                          "count": 1, "indices": {"bufferView": 2, "componentType": 5121},
+                          "values": {"bufferView": 3}}},
                       {"bufferView": 1, "componentType": 5121, "count": 12, "type": "SCALAR"},
                       {"bufferView": 4, "componentType": 5126, "count": 4, "type": "VEC2"}],
-        "materials": [{"alphaMode": "BLEND", "pbrMetallicRoughness": {"baseColorFactor": [1, 1, 1, 0.5], "roughnessFactor": 0.3,
-                                                                    "baseColorTexture": {"index": 0}}}],
+        "materials": [{"alphaMode": "BLEND", "pbrMetallicRoughness": {
+                           "baseColorFactor": [1, 1, 1, 0.5], "roughnessFactor": 0.3,
+                           "baseColorTexture": {"index": 0}}}],
         "textures": [{"source": 0}], "images": [{"bufferView": 5}],
         "cameras": [{"type": "perspective", "perspective": {"yfov": 0.7, "znear": 0.1}}],
-        "extensions": {"KHR_lights_punctual": {"lights": [{"type": "spot", "intensity": 40, "spot": {"outerConeAngle": 0.5}}]}},
+        "extensions": {"KHR_lights_punctual": {"lights": [
+                           {"type": "spot", "intensity": 40, "spot": {"outerConeAngle": 0.5}}]}},
     }).encode()
     if not binary:
         return text
@@ -129,9 +146,12 @@ OFF = b"""STCNOFF
 THREEMF = b"""<?xml version="1.0"?>
 <model unit="millimeter" xmlns="http://schemas.microsoft.com/3dmanufacturing/core/2015/02"><resources>
 <basematerials id="5"><base name="a" displaycolor="#FF0000"/><base name="b" displaycolor="#00FF0080"/></basematerials>
-<object id="1" pid="5" pindex="0"><mesh><vertices><vertex x="0" y="0" z="0"/><vertex x="1" y="0" z="0"/><vertex x="0" y="1" z="0"/></vertices>
-<triangles><triangle v1="0" v2="1" v3="2" pid="5" p1="0" p2="1"/><triangle v1="2" v2="1" v3="0"/></triangles></mesh></object>
-<object id="2"><components><component objectid="1"/><component objectid="1" transform="1 0 0 0 1 0 0 0 1 5 0 0"/></components></object>
+<object id="1" pid="5" pindex="0"><mesh><vertices>\
+<vertex x="0" y="0" z="0"/><vertex x="1" y="0" z="0"/><vertex x="0" y="1" z="0"/></vertices>
+<triangles><triangle v1="0" v2="1" v3="2" pid="5" p1="0" p2="1"/>\
+<triangle v1="2" v2="1" v3="0"/></triangles></mesh></object>
+<object id="2"><components><component objectid="1"/>\
+<component objectid="1" transform="1 0 0 0 1 0 0 0 1 5 0 0"/></components></object>
 </resources><build><item objectid="2" transform="0 1 0 -1 0 0 0 0 1 0 0 0"/></build></model>
 """
 
@@ -147,11 +167,18 @@ def npy(rows, columns, numbers):
     shape = "(%d,)" % rows if columns == 1 else "(%d, %d)" % (rows, columns)
     text = "{'descr': '<f4', 'fortran_order': False, 'shape': %s, }" % shape
     text += " " * (63 - (len(text) + 10) % 64) + "\n"
-    return b"\x93NUMPY\x01\x00" + struct.pack("<H", len(text)) + text.encode() + struct.pack("<%df" % len(numbers), *numbers)
+    return (
+        b"\x93NUMPY\x01\x00" + struct.pack("<H", len(text)) + text.encode()
+        + struct.pack("<%df" % len(numbers), *numbers)
+    )
 
 
 def npz(compression, second):
-    arrays = {"origin": npy(3, 3, [0.2, 0.2, 5] * 3), "direction": npy(3, 3, [0, 0, -1] * 3), "t_max": npy(3, 1, [9, 8, 7])}
+    arrays = {
+        "origin": npy(3, 3, [0.2, 0.2, 5] * 3),
+        "direction": npy(3, 3, [0, 0, -1] * 3),
+        "t_max": npy(3, 1, [9, 8, 7]),
+    }
     if second:
         arrays["next_direction"] = npy(3, 3, [0, 1, 1] * 3)
     file = io.BytesIO()
@@ -175,7 +202,10 @@ f 1/1/1 2/2/1 3/3/1 4
 usemtl glass
 f -4 -3 -1
 """
-MTL = b"newmtl red\nKd 0.8 0.1 0.1\nKs 0.5 0.5 0.5\nNs 20\nmap_Kd made.png\nnewmtl glass\nd 0.1\nNi 1.5\nTf 1 1 0.9\nillum 7\n"
+MTL = (
+    b"newmtl red\nKd 0.8 0.1 0.1\nKs 0.5 0.5 0.5\nNs 20\nmap_Kd made.png\n"
+    b"newmtl glass\nd 0.1\nNi 1.5\nTf 1 1 0.9\nillum 7\n"
+)
 NFF = b"""b 0.1 0.2 0.3
 v
 from 2 1.5 4
@@ -313,7 +343,9 @@ def cut(rng, data):
 
 def insert(rng, data):
     at = rng.randrange(len(data) + 1)
-    what = rng.choice([bytes(rng.randrange(256) for _ in range(rng.randrange(1, 9))), rng.choice(EXTREMES), rng.choice(EXTREME_BYTES)])
+    what = rng.choice([
+        bytes(rng.randrange(256) for _ in range(rng.randrange(1, 9))), rng.choice(EXTREMES), rng.choice(EXTREME_BYTES)
+    ])
     return data[:at] + what + data[at:]
 
 
@@ -358,7 +390,10 @@ def command(rng, binary, name, uses):
     tail = ["--device", "reference", "-q"]
     scene = name if use not in ("obj", "rays") else "made.obj"
     if use == "info":
-        return [binary, "info", scene, "-q", "--structure", rng.choice(["bvh2", "bvh8", "kd", "grid", "octree", "instances"])]
+        return [
+            binary, "info", scene, "-q",
+            "--structure", rng.choice(["bvh2", "bvh8", "kd", "grid", "octree", "instances"]),
+        ]
     if use in ("trace", "rays"):
         rays = name if use == "rays" else "made.npz"
         return [binary, "trace", scene, rays, "-o", "out.npz"] + (["--any-hit"] if rng.random() < 0.3 else []) + tail
@@ -375,7 +410,10 @@ def run(argv, folder, timeout):
     """What went wrong, or None."""
     env = dict(os.environ, RAYON_NUM_THREADS="2", RAYBROOK_CACHE_DIR=os.path.join(folder, "cache"))
     try:
-        done = subprocess.run(argv, cwd=folder, env=env, timeout=timeout, preexec_fn=limited, stdin=subprocess.DEVNULL, capture_output=True)
+        done = subprocess.run(
+            argv, cwd=folder, env=env, timeout=timeout, preexec_fn=limited,
+            stdin=subprocess.DEVNULL, capture_output=True,
+        )
     except subprocess.TimeoutExpired:
         return "hangs", b""
     if done.returncode in DOCUMENTED:
@@ -412,7 +450,9 @@ def main():
         with tempfile.TemporaryDirectory() as folder:
             for index in range(args.runs):
                 rng = random.Random("%d %s %d" % (args.seed, kind, index))
-                for other, data in {"made.obj": OBJ, "made.mtl": MTL, "made.png": png(), "made.npz": npz(zipfile.ZIP_STORED, True)}.items():
+                for other, data in {
+                    "made.obj": OBJ, "made.mtl": MTL, "made.png": png(), "made.npz": npz(zipfile.ZIP_STORED, True)
+                }.items():
                     write(folder, other, data)
                 write(folder, name, mutate(rng, rng.choice(sources)))
                 argv = command(rng, binary, name, uses)
@@ -421,9 +461,14 @@ def main():
                     continue
                 failed += 1
                 what, text = fault
-                failures.append("%s, run %d: %s: %s: %s" % (kind, index, what, " ".join(argv[1:]), ascii(text[-300:].decode(errors="replace"))))
+                failures.append("%s, run %d: %s: %s: %s" % (
+                    kind, index, what, " ".join(argv[1:]), ascii(text[-300:].decode(errors="replace"))
+                ))
                 if args.keep:
-                    shutil.copytree(folder, os.path.join(args.keep, "%s-%d-%d" % (kind.replace(" ", "-"), args.seed, index)), dirs_exist_ok=True)
+                    shutil.copytree(
+                        folder, os.path.join(args.keep, "%s-%d-%d" % (kind.replace(" ", "-"), args.seed, index)),
+                        dirs_exist_ok=True,
+                    )
         print("%s, %d, %d" % (kind, args.runs, failed), flush=True)
     for failure in failures:
         print(failure)

@@ -212,15 +212,16 @@ codes! {
     clGetProgramBuildInfo(program: Pointer, device: Pointer, what: Info, size: usize, value: Pointer, needed: Pointer);
     clSetKernelArg(kernel: Pointer, index: u32, size: usize, value: Pointer);
     clGetKernelInfo(kernel: Pointer, what: Info, size: usize, value: Pointer, needed: Pointer);
-    clGetKernelWorkGroupInfo(kernel: Pointer, device: Pointer, what: Info, size: usize, value: Pointer, needed: Pointer);
-    clEnqueueNDRangeKernel(queue: Pointer, kernel: Pointer, dimensions: u32, offset: Pointer, global: Pointer, local: Pointer,
-        count: u32, waits: Pointer, event: Pointer);
+    clGetKernelWorkGroupInfo(kernel: Pointer, device: Pointer, what: Info, size: usize, value: Pointer,
+        needed: Pointer);
+    clEnqueueNDRangeKernel(queue: Pointer, kernel: Pointer, dimensions: u32, offset: Pointer, global: Pointer,
+        local: Pointer, count: u32, waits: Pointer, event: Pointer);
     clEnqueueReadBuffer(queue: Pointer, buffer: Pointer, blocks: u32, offset: usize, size: usize, data: Pointer,
         count: u32, waits: Pointer, event: Pointer);
     clEnqueueWriteBuffer(queue: Pointer, buffer: Pointer, blocks: u32, offset: usize, size: usize, data: Pointer,
         count: u32, waits: Pointer, event: Pointer);
-    clEnqueueWriteImage(queue: Pointer, image: Pointer, blocks: u32, origin: Pointer, region: Pointer, row: usize, slice: usize,
-        data: Pointer, count: u32, waits: Pointer, event: Pointer);
+    clEnqueueWriteImage(queue: Pointer, image: Pointer, blocks: u32, origin: Pointer, region: Pointer, row: usize,
+        slice: usize, data: Pointer, count: u32, waits: Pointer, event: Pointer);
     clFlush(queue: Pointer);
     clFinish(queue: Pointer);
     clWaitForEvents(count: u32, events: Pointer);
@@ -233,7 +234,8 @@ objects! {
     clCreateBuffer(context: Pointer, flags: u64, size: usize, data: Pointer);
     clCreateImage(context: Pointer, flags: u64, format: Pointer, description: Pointer, data: Pointer);
     clCreateProgramWithSource(context: Pointer, count: u32, texts: Pointer, lengths: Pointer);
-    clCreateProgramWithBinary(context: Pointer, count: u32, devices: Pointer, lengths: Pointer, binaries: Pointer, states: Pointer);
+    clCreateProgramWithBinary(context: Pointer, count: u32, devices: Pointer, lengths: Pointer, binaries: Pointer,
+        states: Pointer);
     clCreateKernel(program: Pointer, name: Pointer);
 }
 
@@ -276,7 +278,12 @@ pub unsafe extern "C-unwind" fn clCreateCommandQueue(
             null_mut()
         }
         None => {
-            forward!(clCreateCommandQueue(context: Pointer, device: Pointer, properties: u64, status: *mut i32) -> Pointer)
+            forward!(clCreateCommandQueue(
+                context: Pointer,
+                device: Pointer,
+                properties: u64,
+                status: *mut i32
+            ) -> Pointer)
         }
     }
 }

@@ -1,6 +1,8 @@
 #!/usr/bin/env python3
-"""Outputs that cannot be written, or should not be: a full standard output or error, a closed pipe, a full disk, a limit of file
-size, a folder that is read-only, and outputs that are inputs. What the user has stays, and the exit code tells what happened.
+"""Outputs that cannot be written, or should not be: a full standard output or error, a closed pipe, a full disk, \
+a limit of file
+size, a folder that is read-only, and outputs that are inputs. What the user has stays, and the exit code \
+tells what happened.
 """
 
 import os
@@ -75,7 +77,9 @@ def kept(before, after):
 
 
 def check(program, words, codes, expected=(), **more):
-    """What is wrong with a run in a folder of its own, or None: its exit code, the files before, and those that must be there after."""
+    """What is wrong with a run in a folder of its own, or None: its exit code, the files before, and those that must be
+    there after.
+    """
     with common.new_folder() as folder:
         prepare(folder)
         before = common.files(folder)
@@ -85,7 +89,11 @@ def check(program, words, codes, expected=(), **more):
         told = (said or b"").decode(errors="replace")
         if code not in codes:
             return f"{' '.join(words)}: exit code {code}, not {codes}: {told}"
-        if code not in (0, 1) and said is not None and not any(line.startswith(("raybrook: ", "error: ")) for line in told.splitlines()):
+        if (
+            code not in (0, 1)
+            and said is not None
+            and not any(line.startswith(("raybrook: ", "error: ")) for line in told.splitlines())
+        ):
             return f"{' '.join(words)}: no message: {told}"
         missing = [file for file in expected if file not in after]
         return f"{' '.join(words)}: missing: {missing}" if missing else kept(before, after)
@@ -106,7 +114,11 @@ def full(table, program):
         os.close(reader)
         table.add("closed pipe", check(program, words, [0, 1], outputs_of(words), stdout=writer, stderr=writer))
         os.close(writer)
-    for words, code in [(["render", "none.obj"], 3), (["render", "model.obj", "--size", "x"], 2), (["info", "model.mtl"], 3)]:
+    for words, code in [
+        (["render", "none.obj"], 3),
+        (["render", "model.obj", "--size", "x"], 2),
+        (["info", "model.mtl"], 3),
+    ]:
         with open("/dev/full", "wb") as sink:
             table.add("standard error full", check(program, words, [code], stderr=sink))
 
@@ -124,7 +136,11 @@ def limits(table, program):
         ["stress", "edges", "slivers", "--rays", "50", "--intersector", "thesis", "--write", "wrong", *SMALL],
     ]:
         table.add("limit of file size", check(program, words, [5], preexec_fn=one_block))
-    for words in [[*RENDER, "-o", "full.png"], [*TRACE, "-o", "full.png"], [*RENDER, "-o", "out.png", "--stats", "full.png"]]:
+    for words in [
+        [*RENDER, "-o", "full.png"],
+        [*TRACE, "-o", "full.png"],
+        [*RENDER, "-o", "out.png", "--stats", "full.png"],
+    ]:
         table.add("full disk", check(program, words, [5]))
 
 

@@ -28,7 +28,9 @@ class Page:
         self.session = json.loads(body)["session"]
 
     def next(self, connection, session, version, frame):
-        """The status; what is told after this version and frame, None where nothing is; whether a picture is with it."""
+        """The status; what is told after this version and frame, None where nothing is;
+        whether a picture is with it.
+        """
         status, body = self.ask(connection, f"next?session={session}&version={version}&frame={frame}")
         if status not in (200, 204, 404):
             raise RuntimeError(f"next: {status} {body[:200]}")

@@ -58,7 +58,11 @@ def until_done(program, words, kills, seconds, chance):
         kept = killed = 0
         while True:
             child = subprocess.Popen(
-                [program, *words], cwd=folder, env=common.environment(folder), stdout=subprocess.PIPE, stderr=subprocess.PIPE
+                [program, *words],
+                cwd=folder,
+                env=common.environment(folder),
+                stdout=subprocess.PIPE,
+                stderr=subprocess.PIPE,
             )
             is_killed = killed < kills
             if is_killed:

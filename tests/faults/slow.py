@@ -3,10 +3,11 @@
 
     tests/faults/slow.py [--binary target/release/raybrook] [--device reference] [--scale 1.0] [CASE...]
 
-Of each case: the sizes, the user seconds of each, and the exponent p of the power N^p that their growth is. Exit code 1 where p is above
-1.3: more than N log N; and where ties take more than MOST_TIMES_WATERTIGHT times as long as with the watertight test, which decides none of
-them exactly: deciding each anew is linear, too, but was 17 to 44 times as slow. The time that no input takes, that of the smallest possible one, is taken off; where the largest size takes less
-than a tenth of a second the case is fine, whatever the exponent.
+Of each case: the sizes, the user seconds of each, and the exponent p of the power N^p that their growth is. Exit code
+1 where p is above 1.3: more than N log N; and where ties take more than MOST_TIMES_WATERTIGHT times as long as with the
+watertight test, which decides none of them exactly: deciding each anew is linear, too, but was 17 to 44 times as slow.
+The time that no input takes, that of the smallest possible one, is taken off; where the largest size takes less than a
+tenth of a second the case is fine, whatever the exponent.
 """
 
 import argparse
@@ -157,8 +158,8 @@ def rays_case(make, *options):
     def prepare(folder, n):
         path, rays = os.path.join(folder, "scene.obj"), os.path.join(folder, "rays.npz")
         write_obj(path, make(n))
-        # A structure that tests all triangles for each takes N^(5/3), a hierarchy hardly more than N^(2/3), and a grid, of which a ray
-        # crosses N^(1/3) cells, N.
+        # A structure that tests all triangles for each takes N^(5/3), a hierarchy hardly more than N^(2/3), and a grid,
+        # of which a ray crosses N^(1/3) cells, N.
         rays_npz(rays, int(12 * n ** (2 / 3)))
         return ["trace", path, rays, "-o", os.path.join(folder, "hits.npz"), *options]
 
