@@ -5,6 +5,7 @@
 //! ([`crate::io::output`]), which then has all of the compressed file.
 
 use std::io::{self, SeekFrom, Write};
+use std::panic::resume_unwind;
 use std::path::Path;
 
 use exr::block::chunk::Chunk;
@@ -218,7 +219,16 @@ impl<W: Write + io::Seek> ExrBlocks<'_, W> {
     fn write(&mut self) -> exr::error::UnitResult {
         let (meta, width, first) = (self.meta, self.width, self.next);
         let blocks = self.waiting.chunks(rows_of_block(self.meta) * width).enumerate();
-        let chunks = parallel::map(blocks, |(i, rows)| compressed(meta, first + i, (rows, width)));
+        let compress = |(i, rows)| compressed(meta, first + i, (rows, width));
+        // The system keeps for each thread what this has once taken: three times a block, which may have 13 MB. So where
+        // blocks are fewer than threads, only as many threads take something.
+        let chunks = match blocks.len() < rayon::current_num_threads() {
+            true => std::thread::scope(|scope| {
+                let threads: Vec<_> = blocks.map(|block| scope.spawn(move || compress(block))).collect();
+                threads.into_iter().map(|thread| thread.join().unwrap_or_else(|panic| resume_unwind(panic))).collect()
+            }),
+            false => parallel::map(blocks, compress),
+        };
         for chunk in chunks {
             self.chunks.write_chunk(self.next, chunk?)?;
             self.next += 1;
