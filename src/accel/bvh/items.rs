@@ -154,8 +154,7 @@ fn partition_few(items: &mut [Item], before: &impl Fn(&Item) -> bool) -> usize {
     let mut count = 0;
     for i in 0..items.len() {
         let item = items[i];
-        items[i] = items[count];
-        items[count] = item;
+        items.swap(i, count);
         count += usize::from(before(&item));
     }
     count
