@@ -3,8 +3,9 @@
 #
 #   fuzz/run.sh [SECONDS [TARGET...]]      600 seconds each, and all targets, unless something else is said
 #
-# FUZZ_SEEDS names a folder of models whose small files are tried, too. Prints a row for each target, and ends with 1 if
-# one failed: the input lies in fuzz/artifacts/TARGET then.
+# FUZZ_SEEDS names a folder of models whose small files are tried, too; FUZZ_PART=I/N takes every Nth target alone,
+# from the Ith on. Prints a row for each target, and ends with 1 if one failed: the input lies in fuzz/artifacts/TARGET
+# then.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")"
 
@@ -13,6 +14,11 @@ shift || true
 targets=("$@")
 if [[ ${#targets[@]} -eq 0 ]]; then
     for file in targets/*.rs; do targets+=("$(basename "$file" .rs)"); done
+fi
+if [[ -n ${FUZZ_PART:-} ]]; then
+    part=()
+    for ((i = ${FUZZ_PART%/*} - 1; i < ${#targets[@]}; i += ${FUZZ_PART#*/})); do part+=("${targets[i]}"); done
+    targets=("${part[@]}")
 fi
 
 # The versions of what the library depends on are those that it is tested with.
@@ -47,7 +53,7 @@ more_seeds() {
 failed=0
 scratch=$(mktemp -d)
 trap 'rm -rf "$scratch"' EXIT
-printf '%-16s %12s %9s  %s\n' target inputs branches result
+printf '%-18s %12s %9s  %s\n' target inputs branches result
 for target in "${targets[@]}"; do
     mkdir -p "corpus/$target" "artifacts/$target" "$scratch/more"
     [[ -z ${FUZZ_SEEDS:-} ]] || more_seeds "$target" "$scratch/more"
@@ -59,7 +65,7 @@ for target in "${targets[@]}"; do
         "corpus/$target" "seeds/$target" "$scratch/more" >"$scratch/log" 2>&1 </dev/null || result=FAILS
     inputs=$(sed -n 's/^stat::number_of_executed_units: *//p' "$scratch/log")
     branches=$(sed -n 's/.* cov: \([0-9]*\) .*/\1/p' "$scratch/log" | tail -n 1)
-    printf '%-16s %12s %9s  %s\n' "$target" "${inputs:-?}" "${branches:-?}" "$result"
+    printf '%-18s %12s %9s  %s\n' "$target" "${inputs:-?}" "${branches:-?}" "$result"
     if [[ $result != holds ]]; then
         failed=1
         told='panicked|ERROR|SUMMARY|artifact|^assertion|left:|right:'

@@ -1,9 +1,9 @@
 //! Journals of pictures and of batches of rays.
 
 use super::folder::{Folder, readable};
-use super::pieces;
+use super::records::write_journal;
 use raybrook::low_level::film::{Film, FilmWindow};
-use raybrook::low_level::journal::{Journal, Subject, is_journal};
+use raybrook::low_level::journal::{Subject, is_journal};
 use raybrook::low_level::renderer::{Kept, KeptBlock, PictureBlocks, PictureJournal, StoredBlocks, read_kept};
 use raybrook::low_level::runs::{
     Answers, BatchId, BatchJournal, Found, KeptRuns, RunEntry, Took, TracedRuns, read_kept_runs, write_answers,
@@ -16,15 +16,10 @@ use std::path::{Path, PathBuf};
 /// Pictures of more pixels, and batches of more rays, are not put together.
 const SMALL: usize = 1 << 16;
 
-/// An input that is a journal; of another one its pieces are the records of one, whose checksums are right.
+/// The journal that an input is, or that has its pieces.
 fn journal_of(data: &[u8]) -> PathBuf {
-    if data.starts_with(b"raybrook journal") {
-        return Folder.write("input.partial", data);
-    }
     let path = Folder.remove("input.partial");
-    let pieces = pieces(data);
-    let mut journal = Journal::create(&path, pieces[0]).expect("the temporary folder can be written");
-    pieces[1..].iter().for_each(|piece| journal.append(&[piece]).expect("the temporary folder can be written"));
+    write_journal(&path, data);
     path
 }
 

@@ -1,5 +1,6 @@
-//! What is done with an input of each kind, and what must hold then: a function for each fuzz target. The targets call
-//! them with inputs that libFuzzer makes, and `tests/scene/fuzzed.rs` with those that are kept in `seeds/`.
+//! What is done with an input of each kind that the library reads, and what must hold then: a function for each fuzz
+//! target. The targets call them with inputs that libFuzzer makes, and `tests/scene/fuzzed.rs` with those that are kept
+//! in `seeds/`. `program.rs` has what the program alone reads.
 //!
 //! No input may panic, or have more memory taken than a load may take ([`folder::Folder::budget`]) and libFuzzer allows
 //! (`run.sh`). What can be used must pass the checks that follow in each file.
@@ -10,6 +11,7 @@ mod journals;
 mod models;
 mod options;
 mod rays;
+mod records;
 mod scene;
 
 pub use caches::{kernel_cache, tuned};
@@ -18,11 +20,13 @@ pub use models::{gltf, mtl, nff, obj, off, ply, stl, texture, threemf, toml};
 pub use options::options;
 pub use rays::npz;
 
+use records::pieces;
+
 /// Does with an input what must be done, panics where something does not hold, and tells whether
 /// the input could be used.
 pub type Target = fn(&[u8]) -> bool;
 
-/// All targets by their names, which are those of `targets/` and `seeds/`.
+/// These targets by their names, which are those of `targets/` and `seeds/`.
 pub const TARGETS: [(&str, Target); 16] = [
     ("batch_journal", batch_journal),
     ("gltf", gltf),
@@ -41,17 +45,3 @@ pub const TARGETS: [(&str, Target); 16] = [
     ("toml", toml),
     ("tuned", tuned),
 ];
-
-/// What stands between the pieces of an input that is put together from several.
-const BETWEEN: &[u8] = b"\n----\n";
-
-/// The pieces of an input.
-fn pieces(data: &[u8]) -> Vec<&[u8]> {
-    let (mut all, mut rest) = (Vec::new(), data);
-    while let Some(end) = rest.windows(BETWEEN.len()).position(|window| window == BETWEEN) {
-        all.push(&rest[..end]);
-        rest = &rest[end + BETWEEN.len()..];
-    }
-    all.push(rest);
-    all
-}

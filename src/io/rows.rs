@@ -220,8 +220,8 @@ impl<W: Write + io::Seek> ExrBlocks<'_, W> {
         let (meta, width, first) = (self.meta, self.width, self.next);
         let blocks = self.waiting.chunks(rows_of_block(self.meta) * width).enumerate();
         let compress = |(i, rows)| compressed(meta, first + i, (rows, width));
-        // The system keeps for each thread what this has once taken: three times a block, which may have 13 MB. So where
-        // blocks are fewer than threads, only as many threads take something.
+        // The system keeps for each thread what this has once taken: three times a block, which may have 13 MB. So
+        // where blocks are fewer than threads, only as many threads take something.
         let chunks = match blocks.len() < rayon::current_num_threads() {
             true => std::thread::scope(|scope| {
                 let threads: Vec<_> = blocks.map(|block| scope.spawn(move || compress(block))).collect();

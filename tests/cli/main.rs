@@ -13,6 +13,7 @@ mod device_faults;
 mod display;
 mod distance;
 mod explain;
+mod fuzzed;
 mod keep;
 mod keep_rays;
 mod keep_stress;

@@ -117,6 +117,49 @@ fn a_turntable_goes_on_where_it_was_stopped() {
 }
 
 #[test]
+fn frames_that_were_cut_off_or_damaged_are_made_anew() {
+    let folder = model();
+    let at = folder.path();
+    let run = || turntable(at, "tent.obj", &["--frames", "5", "-o", "out", "--layers", "depth"]);
+    assert!(run().status.success());
+    let path = |name: &str| at.join("out").join(format!("frame-{name}.png"));
+    let read = || -> Vec<Vec<u8>> {
+        let name = |frame: u32, layer| path(&format!("000{frame}{layer}"));
+        (1..=5).flat_map(|frame| ["", "-depth"].map(|layer| std::fs::read(name(frame, layer)).unwrap())).collect()
+    };
+    let modified = |name| std::fs::metadata(path(name)).unwrap().modified().unwrap();
+    let (right, untouched) = (read(), ["0001", "0001-depth", "0005"].map(modified));
+    // One is cut off, of another a bit has changed, and of a third a bit of a layer's picture.
+    let cut = std::fs::read(path("0002")).unwrap();
+    std::fs::write(path("0002"), &cut[..cut.len() / 2]).unwrap();
+    for name in ["0003", "0004-depth"] {
+        let mut damaged = std::fs::read(path(name)).unwrap();
+        damaged[60] ^= 16;
+        std::fs::write(path(name), damaged).unwrap();
+    }
+    let output = run();
+    let said = stderr(&output);
+    assert!(output.status.success(), "{said}");
+    assert!(said.contains("frame-0002.png' and 2 more are not what was written"), "{said}");
+    assert!(String::from_utf8_lossy(&output.stdout).contains("5 frames, of which 2 were there"), "{output:?}");
+    assert!(read() == right);
+    assert_eq!(["0001", "0001-depth", "0005"].map(modified), untouched);
+    // Whoever made frames before there were sums has what is there noted.
+    let manifest = at.join("out/frame-turntable.json");
+    let text = std::fs::read_to_string(&manifest).unwrap();
+    let mut values: serde_json::Map<String, serde_json::Value> = serde_json::from_str(&text).unwrap();
+    values.remove("files").unwrap();
+    std::fs::write(&manifest, serde_json::to_string(&values).unwrap()).unwrap();
+    let output = run();
+    assert!(String::from_utf8_lossy(&output.stdout).contains("of which 5 were there"), "{output:?}");
+    assert_eq!(std::fs::read_to_string(&manifest).unwrap(), text);
+    std::fs::write(path("0005"), b"").unwrap();
+    let output = run();
+    assert!(stderr(&output).contains("frame-0005.png' is not what was written; its frame"), "{output:?}");
+    assert!(read() == right);
+}
+
+#[test]
 fn frames_of_something_else_are_not_mixed_in() {
     let folder = model();
     let at = folder.path();

@@ -29,6 +29,8 @@ mod end;
 mod explain;
 mod files;
 mod flags;
+#[doc(hidden)]
+pub mod fuzzed;
 mod info;
 mod inside;
 mod keep;

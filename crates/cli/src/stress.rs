@@ -1,6 +1,6 @@
 //! `raybrook stress`: hard rays with exact answers, and how many of them a method gets wrong.
 
-mod kept;
+pub mod kept;
 mod table;
 
 use super::code::{Code, FOUND_A_DIFFERENCE, SUCCESS};

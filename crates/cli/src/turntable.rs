@@ -1,7 +1,8 @@
 //! `raybrook turntable`: numbered pictures of a scene from all around, by one tracer. It goes on where it was stopped.
 
-mod frames;
-mod manifest;
+pub mod frames;
+pub mod manifest;
+mod sums;
 
 use super::code::{Code, SUCCESS};
 use super::explain::{Chooser, ExplainArgs};
@@ -14,7 +15,7 @@ use super::picture_file::PictureFileArgs;
 use super::progress::Bar;
 use super::{DeviceArgs, MethodArgs, PictureArgs, SceneArgs, Talk, heading, work};
 use frames::Frames;
-use manifest::Manifest;
+use manifest::{Kept, Manifest, ToMake};
 use raybrook::low_level::animation::write_animation;
 use raybrook::low_level::film::ImageFormat;
 use raybrook::low_level::output::check_writable;
@@ -23,8 +24,11 @@ use raybrook::low_level::renderer::{Picture, render_part_noting};
 use raybrook::low_level::scene::{Camera, CameraKey, CameraPath, Samples, Scene};
 use raybrook::low_level::tracer::{Backend, Progress};
 use raybrook::{Error, Result};
+use std::cell::Cell;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
+
+const MOST_FRAMES: u32 = 99_999;
 
 #[derive(clap::Args)]
 pub struct TurntableArgs {
@@ -42,7 +46,7 @@ pub struct TurntableArgs {
     #[arg(
         long,
         value_name = "N",
-        value_parser = clap::value_parser!(u32).range(1..=99_999),
+        value_parser = clap::value_parser!(u32).range(1..=i64::from(MOST_FRAMES)),
         help_heading = heading::CAMERA,
     )]
     frames: Option<u32>,
@@ -82,7 +86,7 @@ pub struct TurntableArgs {
     /// Make all frames anew, and remove those that are there.
     ///
     /// Without it the frames that are there stay, if they are of the same scene and options, and those that are missing
-    /// are made.
+    /// or damaged are made.
     #[arg(long, help_heading = heading::OUTPUT)]
     restart: bool,
     #[command(flatten)]
@@ -195,21 +199,27 @@ pub fn run(args: &TurntableArgs, talk: Talk) -> Result<Code> {
     way.check(frames.count())?;
     let manifest = Manifest::new(args, &loaded.scene, (&way, frames.count()), (&picture, format), &chosen.options);
     frames.make_folder()?;
-    manifest.take_over(&frames, args.restart, args.beside(format))?;
+    let mut kept = manifest.take_over(&frames, args.restart, args.beside(format))?;
     check_writable(&frames.path(1))?;
     args.layers.check_writable(&frames.path(1), format)?;
-    let missing = frames.missing(args.beside(format));
-    if !missing.is_empty() {
+    let to_make = frames_to_make(args, (&frames, format), &mut kept, talk)?;
+    let found = frames.count() as usize - to_make.len();
+    if !to_make.is_empty() {
         let tasks = (args.layers.tasks(), &budget);
         let opened = open::open(&loaded, device.as_ref(), &args.device, chosen, picture.depth, tasks, talk)?;
         check_picture(picture.size, picture.samples)?;
         let loss = args.loss.strict_if(counters);
         let mut opened = loss.guard(opened, device.as_ref(), talk);
         let turntable = Turntable { args, frames: &frames, format, way: &way, picture: &picture, loaded: &loaded };
-        let mut render = || turntable.render(&missing, (opened.tracer.as_mut(), &opened.buffers), (limit, talk));
-        if limit.within(&mut render)?.is_none() {
+        let made = Cell::new(0);
+        let keep = |frame: &Path| {
+            made.set(made.get() + 1);
+            kept.note(&[vec![frame.to_owned()], args.layers.files(frame, format)].concat())
+        };
+        let render = || turntable.render(&to_make, (opened.tracer.as_mut(), &opened.buffers), keep, (limit, talk));
+        if limit.within(render)?.is_none() {
             if !talk.quiet {
-                let (done, of) = (frames.count() as usize - frames.missing(args.beside(format)).len(), frames.count());
+                let (done, of) = (found + made.get(), frames.count());
                 let name = frames.name().display();
                 tell!("note: {done} of {of} frames are in '{name}'; the same command makes the others");
             }
@@ -220,12 +230,31 @@ pub fn run(args: &TurntableArgs, talk: Talk) -> Result<Code> {
         write_animation(path, &frames.paths(), args.fps)?;
     }
     if !talk.quiet {
-        let found = frames.count() as usize - missing.len();
         let found = if found > 0 { format!(", of which {found} were there") } else { String::new() };
         let seconds = start.elapsed().as_secs_f64();
         say!("{}: {} frames{found}, {seconds:.2} s", frames.name().display(), frames.count());
     }
     Ok(SUCCESS)
+}
+
+/// The frames that are not there, or not as they were written, which is told.
+fn frames_to_make(
+    args: &TurntableArgs,
+    (frames, format): (&Frames, ImageFormat),
+    kept: &mut Kept,
+    talk: Talk,
+) -> Result<Vec<u32>> {
+    let (bar, count) = (Bar::new("check", talk), f64::from(frames.count()));
+    let progress = |frame: u32| bar.update(f64::from(frame) / count, count, "frames");
+    let ToMake { frames, damaged } = kept.to_make(frames, args.beside(format), progress)?;
+    if let Some(first) = damaged.first().filter(|_| !talk.quiet) {
+        let first = first.display();
+        match damaged.len() - 1 {
+            0 => tell!("warning: '{first}' is not what was written; its frame is made anew"),
+            more => tell!("warning: '{first}' and {more} more are not what was written; their frames are made anew"),
+        }
+    }
+    Ok(frames)
 }
 
 /// Around the scene.
@@ -246,19 +275,22 @@ struct Turntable<'a> {
 }
 
 impl Turntable<'_> {
+    /// Makes frames; `keep` is told of each that is written.
     fn render(
         &self,
-        missing: &[u32],
+        to_make: &[u32],
         (tracer, buffers): (&mut dyn Backend, &SceneBuffers),
+        mut keep: impl FnMut(&Path) -> Result<()>,
         (limit, talk): (Limit, Talk),
     ) -> Result<()> {
         let bar = Bar::new("turntable", talk);
-        for (made, &frame) in missing.iter().enumerate() {
+        for (made, &frame) in to_make.iter().enumerate() {
             let progress = |done: f64| {
                 limit.check();
-                bar.update((made as f64 + done) / missing.len() as f64, missing.len() as f64, "frames");
+                bar.update((made as f64 + done) / to_make.len() as f64, to_make.len() as f64, "frames");
             };
             self.render_frame(frame, (tracer, buffers), &progress, (talk, made == 0))?;
+            keep(&self.frames.path(frame))?;
         }
         Ok(())
     }

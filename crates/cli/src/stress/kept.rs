@@ -17,11 +17,15 @@ pub type Counts = BTreeMap<String, usize>;
 /// What the answers of a run depend on. Journals of other runs are refused.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct StressId {
+    /// Of raybrook.
     pub version: String,
+    /// Of all rays.
     pub seed: u64,
     /// Of each kind.
     pub rays: usize,
+    /// What is asked of each, as in the option.
     pub question: String,
+    /// The kinds of rays.
     pub kinds: Vec<String>,
     /// Their names and options.
     pub methods: Vec<String>,
@@ -29,6 +33,7 @@ pub struct StressId {
     pub strict: Vec<bool>,
     /// A method that is not exact may have other answers on another device.
     pub device: String,
+    /// What its compiler was given beside the usual.
     pub compiler_options: Option<String>,
     /// Where wrong rays are written, which an earlier run has done for what it kept.
     pub write: Option<String>,
@@ -56,7 +61,9 @@ impl StressId {
 /// What all methods made of one scene of a kind.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Cell {
+    /// Its name.
     pub kind: String,
+    /// The scene's number in it.
     pub scene: usize,
     /// How many hits the lists or walks have.
     pub hits: Option<usize>,
@@ -119,34 +126,14 @@ impl StressKeeper {
     }
 
     fn new_journal(&self) -> Result<Journal> {
-        Journal::create_for(&self.path, &Header { stress: self.id.clone() })
+        create(&self.path, &self.id)
     }
 
     /// Takes what an earlier run has kept.
     fn go_on(&mut self, of: usize, talk: Talk) -> Result<()> {
-        let mut has_header = false;
-        let (path, id, kept) = (&self.path, &self.id, &mut self.kept);
-        let (journal, condition) = Journal::open(path, |record| {
-            match record.split_first() {
-                Some((&HEADER, header)) if !has_header => {
-                    check_header(path, header, id)?;
-                    has_header = true;
-                }
-                Some((&CELL, rest)) if has_header => {
-                    let (cell, _): (Cell, _) = journal::entry_of(path, rest)?;
-                    let is_of_run = id.kinds.contains(&cell.kind) && cell.faults.len() == id.methods.len();
-                    if !is_of_run {
-                        return Err(journal::wrong_record(path));
-                    }
-                    kept.insert((cell.kind.clone(), cell.scene), cell);
-                }
-                _ => return Err(journal::no_header(path)),
-            }
-            Ok(())
-        })?;
-        if !has_header {
-            return Err(journal::no_header(path));
-        }
+        let mut reader = Reader::new(&self.path, Some(&self.id));
+        let (journal, condition) = Journal::open(&self.path, |record| reader.take(record))?;
+        self.kept = reader.finish()?.cells;
         self.log.lock().go_on(journal, of.saturating_sub(self.kept.len()), condition.damaged_bytes, talk);
         Ok(())
     }
@@ -162,11 +149,7 @@ impl StressKeeper {
     /// The journal cannot be made or written.
     pub fn take(&self, cell: &Cell) -> Result<()> {
         let is_worth_it = |done, of| self.keep.is_worth_it(self.start, done, of);
-        let append = |journal: &mut Journal| {
-            let record = journal.begin_record(CELL, cell)?;
-            journal.append(&[&record])
-        };
-        self.log.lock().take(1, is_worth_it, || self.new_journal(), append)
+        self.log.lock().take(1, is_worth_it, || self.new_journal(), |journal| append(journal, cell))
     }
 
     /// What is to be done where the run is stopped.
@@ -183,11 +166,85 @@ impl StressKeeper {
     }
 }
 
-fn check_header(path: &Path, header: &[u8], id: &StressId) -> Result<()> {
-    let found: std::result::Result<Header, _> = serde_json::from_slice(header);
-    let found = found.map_err(|error| Error::input(path, None, Subject::Stress.refusal(header, &error)))?;
-    match id.difference(&found.stress) {
-        Some(difference) => Err(Error::input(path, None, format!("the journal is of another run: {difference}"))),
-        None => Ok(()),
+/// A new journal, of a run of which nothing is found yet.
+///
+/// # Errors
+/// As [`Journal::create_for`].
+pub fn create(path: &Path, id: &StressId) -> Result<Journal> {
+    Journal::create_for(path, &Header { stress: id.clone() })
+}
+
+/// Appends what was found of a scene.
+///
+/// # Errors
+/// As [`Journal::append`].
+pub fn append(journal: &mut Journal, cell: &Cell) -> Result<()> {
+    let record = journal.begin_record(CELL, cell)?;
+    journal.append(&[&record])
+}
+
+/// What is in a journal.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct KeptCells {
+    /// Of which run it is.
+    pub id: StressId,
+    /// By kind and scene.
+    pub cells: BTreeMap<(String, usize), Cell>,
+}
+
+/// Reads a journal, of whatever run it is.
+///
+/// # Errors
+/// As [`journal::read`], and [`Error::Input`] when it is none of a stress test.
+pub fn read_kept(path: &Path) -> Result<KeptCells> {
+    let mut reader = Reader::new(path, None);
+    journal::read(path, |record| reader.take(record))?;
+    reader.finish()
+}
+
+/// A journal that is being read.
+struct Reader<'a> {
+    path: &'a Path,
+    /// Of which run it must be.
+    wanted: Option<&'a StressId>,
+    found: Option<KeptCells>,
+}
+
+impl<'a> Reader<'a> {
+    fn new(path: &'a Path, wanted: Option<&'a StressId>) -> Reader<'a> {
+        Reader { path, wanted, found: None }
+    }
+
+    fn take(&mut self, record: &[u8]) -> Result<()> {
+        match (record.split_first(), &mut self.found) {
+            (Some((&HEADER, header)), None) => {
+                let id = self.header(header)?;
+                self.found = Some(KeptCells { id, cells: BTreeMap::new() });
+            }
+            (Some((&CELL, rest)), Some(found)) => {
+                let (cell, _): (Cell, _) = journal::entry_of(self.path, rest)?;
+                let is_of_run = found.id.kinds.contains(&cell.kind) && cell.faults.len() == found.id.methods.len();
+                if !is_of_run {
+                    return Err(journal::wrong_record(self.path));
+                }
+                found.cells.insert((cell.kind.clone(), cell.scene), cell);
+            }
+            _ => return Err(journal::no_header(self.path)),
+        }
+        Ok(())
+    }
+
+    fn header(&self, header: &[u8]) -> Result<StressId> {
+        let found: std::result::Result<Header, _> = serde_json::from_slice(header);
+        let refuse = |message| Error::input(self.path, None, message);
+        let found = found.map_err(|error| refuse(Subject::Stress.refusal(header, &error)))?.stress;
+        match self.wanted.and_then(|wanted| wanted.difference(&found)) {
+            Some(difference) => Err(refuse(format!("the journal is of another run: {difference}"))),
+            None => Ok(found),
+        }
+    }
+
+    fn finish(self) -> Result<KeptCells> {
+        self.found.ok_or_else(|| journal::no_header(self.path))
     }
 }
