@@ -12,7 +12,7 @@ pub use crop::{Crop, render_part, render_part_noting};
 pub use fall_back::{FallBack, OnLoss};
 pub use kept::{Kept, KeptBlock, KeptRows, Part, PictureId, PictureJournal, read_kept};
 pub use several::{TakeBlocks, render_by_several};
-pub use stored::{Band, BandsInOrder, RowsInOrder, StoredBlocks};
+pub use stored::{RowsInOrder, StoredBlocks};
 
 use crate::adaptive::{PART_PIXELS, estimated_bytes, sample_sequence};
 use crate::blocks::LARGEST_PATCH;

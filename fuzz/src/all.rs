@@ -1,8 +1,8 @@
 //! All fuzz targets: those of the library, and those of the program.
 
 #[path = "lib.rs"]
-mod library;
-mod program;
+pub mod library;
+pub mod program;
 
 pub use library::{
     batch_journal, gltf, kernel_cache, mtl, nff, npz, obj, off, options, picture_journal, ply, stl, texture, threemf,

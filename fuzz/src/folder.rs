@@ -1,16 +1,12 @@
 //! A folder that inputs are written into, as the program reads files.
 
 use raybrook::low_level::budget::MemoryBudget;
-use raybrook::{Error, Result};
 use std::cell::OnceCell;
 use std::path::PathBuf;
 use tempfile::TempDir;
 
 /// What reading an input may take beside what the process has.
 const LOAD_BYTES: u64 = 256 << 20;
-
-/// The longest message. It quotes a file in pieces of 60 characters.
-const MESSAGE_BYTES: usize = 4096;
 
 thread_local! {
     /// One for all inputs that a thread tries, which replace each other.
@@ -50,22 +46,4 @@ impl Folder {
         let resident = MUCH - MemoryBudget::of_bytes(MUCH).left();
         MemoryBudget::of_bytes(resident + LOAD_BYTES)
     }
-}
-
-/// What was read; checks the error where there is one.
-pub fn readable<T>(result: Result<T>) -> Option<T> {
-    match result {
-        Ok(value) => Some(value),
-        Err(error) => {
-            check_error(&error);
-            None
-        }
-    }
-}
-
-/// An error says something, is short however large the input is, and is none of the file system, which was well.
-pub fn check_error(error: &Error) {
-    let message = error.to_string();
-    assert!((1..MESSAGE_BYTES).contains(&message.len()), "a message of {} bytes", message.len());
-    assert!(!matches!(error, Error::Io { .. }), "{message}");
 }

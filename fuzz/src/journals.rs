@@ -1,6 +1,7 @@
 //! Journals of pictures and of batches of rays.
 
-use super::folder::{Folder, readable};
+use super::errors::readable;
+use super::folder::Folder;
 use super::records::write_journal;
 use raybrook::low_level::film::{Film, FilmWindow};
 use raybrook::low_level::journal::{Subject, is_journal};

@@ -6,6 +6,7 @@
 //! (`run.sh`). What can be used must pass the checks that follow in each file.
 
 mod caches;
+mod errors;
 mod folder;
 mod journals;
 mod models;

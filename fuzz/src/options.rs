@@ -1,6 +1,6 @@
 //! Options as they are typed: what is understood is told in words that are understood as the same.
 
-use super::folder::check_error;
+use super::errors::check_error;
 use raybrook::low_level::options::parse_method;
 use raybrook::low_level::renderer::{Crop, Part, PictureBlocks};
 use raybrook::low_level::runs::Asked;

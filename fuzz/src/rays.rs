@@ -1,6 +1,7 @@
 //! Rays and points in NumPy archives.
 
-use super::folder::{Folder, readable};
+use super::errors::readable;
+use super::folder::Folder;
 use super::models::archive;
 use super::pieces;
 use raybrook::low_level::rays::{RayBatch, read_points};

@@ -1,6 +1,7 @@
 //! What holds of every scene that was loaded.
 
-use super::folder::{Folder, check_error, readable};
+use super::errors::{check_error, readable};
+use super::folder::Folder;
 use raybrook::low_level::options::{Structure, StructureKind, TraceOptions};
 use raybrook::low_level::pack::SceneBuffers;
 use raybrook::low_level::renderer::{Picture, complete, open_tracer, render};

@@ -48,6 +48,16 @@ fn position(event: Event) -> f32 {
     f32::from_bits(if ordered & SIGN_BIT == 0 { !ordered } else { ordered ^ SIGN_BIT })
 }
 
+/// How many events a reference has on an axis.
+fn event_count(axis: usize, reference: &Reference) -> usize {
+    if reference.low[axis] == reference.high[axis] { 1 } else { 2 }
+}
+
+/// Sees to the axes of a node of `count` references.
+fn for_each_axis<I: Iterator<Item: Send>>(count: usize, axes: I, work: impl Fn(I::Item) + Sync) {
+    if count >= PARALLEL_AXES { parallel::each(axes, work) } else { axes.for_each(work) }
+}
+
 fn push_events(events: &mut Vec<Event>, axis: usize, reference: &Reference, number: usize) {
     let (low, high) = (ordered(reference.low[axis]) << 32, ordered(reference.high[axis]) << 32);
     if low == high {
@@ -84,12 +94,8 @@ impl EventNode {
     /// The cheapest split: one sweep over the events of each axis (algorithm 2 of the paper).
     pub fn best_split(&self, cell: &Cell, costs: &Costs) -> Option<Split> {
         let mut splits = [None; 3];
-        let find = |axis: usize, split: &mut Option<Split>| *split = self.best_split_on(axis, cell, costs);
-        if self.references.len() >= PARALLEL_AXES {
-            parallel::each_mut(&mut splits, find);
-        } else {
-            splits.iter_mut().enumerate().for_each(|(axis, split)| find(axis, split));
-        }
+        let find = |(axis, split): (usize, &mut Option<Split>)| *split = self.best_split_on(axis, cell, costs);
+        for_each_axis(self.references.len(), splits.iter_mut().enumerate(), find);
         splits.into_iter().flatten().reduce(|best, split| if split.is_better_than(&best) { split } else { best })
     }
 
@@ -147,17 +153,14 @@ impl EventNode {
         }
 
         // Step 3: pass the old events on in their order; step 4: merge the new ones in.
-        let axes = self.events.into_iter().zip(left.events.iter_mut().zip(&mut right.events));
-        let distribute = |(events, (left, right)): (_, (&mut AxisEvents, &mut AxisEvents))| {
-            (left.old, right.old) = pass_on(events, &places, right.count);
+        let axes = self.events.into_iter().zip(left.events.iter_mut().zip(&mut right.events)).enumerate();
+        let of_right = &right.references;
+        for_each_axis(count, axes, |(axis, (events, (left, right))): (_, (_, (&mut AxisEvents, &mut AxisEvents)))| {
+            let right_count = of_right.iter().map(|reference| event_count(axis, reference)).sum();
+            (left.old, right.old) = pass_on(events, &places, right_count);
             left.merge();
             right.merge();
-        };
-        if count >= PARALLEL_AXES {
-            parallel::each(axes, distribute);
-        } else {
-            axes.for_each(distribute);
-        }
+        });
         (left.node(), right.node())
     }
 }
@@ -187,8 +190,6 @@ fn pass_on(mut events: Vec<Event>, places: &[u32], of_right: usize) -> (Vec<Even
 struct AxisEvents {
     old: Vec<Event>,
     new: Vec<Event>,
-    /// How many there are of both.
-    count: usize,
 }
 
 impl AxisEvents {
@@ -221,9 +222,6 @@ impl Child {
 
     /// Adds a reference and tells its number.
     fn push(&mut self, reference: Reference) -> usize {
-        for (axis, events) in self.events.iter_mut().enumerate() {
-            events.count += if reference.low[axis] == reference.high[axis] { 1 } else { 2 };
-        }
         self.references.push(reference);
         self.references.len() - 1
     }
@@ -260,7 +258,7 @@ mod tests {
 
     #[test]
     fn merging_keeps_the_order() {
-        let mut events = AxisEvents { old: vec![2, 4, 6, 8], new: vec![9, 1, 5], count: 7 };
+        let mut events = AxisEvents { old: vec![2, 4, 6, 8], new: vec![9, 1, 5] };
         events.merge();
         assert_eq!(events.old, [1, 2, 4, 5, 6, 8, 9]);
     }

@@ -7,6 +7,7 @@
 use std::io::{self, SeekFrom, Write};
 use std::panic::resume_unwind;
 use std::path::Path;
+use std::thread::Builder;
 
 use exr::block::chunk::Chunk;
 use exr::block::writer::{ChunkWriter, ChunksWriter};
@@ -224,9 +225,12 @@ impl<W: Write + io::Seek> ExrBlocks<'_, W> {
         // where blocks are fewer than threads, only as many threads take something.
         let chunks = match blocks.len() < rayon::current_num_threads() {
             true => std::thread::scope(|scope| {
-                let threads: Vec<_> = blocks.map(|block| scope.spawn(move || compress(block))).collect();
-                threads.into_iter().map(|thread| thread.join().unwrap_or_else(|panic| resume_unwind(panic))).collect()
-            }),
+                let begin = |block| Builder::new().spawn_scoped(scope, move || compress(block));
+                let threads = blocks.map(begin).collect::<io::Result<Vec<_>>>()?;
+                let chunks =
+                    threads.into_iter().map(|thread| thread.join().unwrap_or_else(|panic| resume_unwind(panic)));
+                Ok::<Vec<_>, io::Error>(chunks.collect())
+            })?,
             false => parallel::map(blocks, compress),
         };
         for chunk in chunks {

@@ -6,7 +6,7 @@
 use super::{Crop, Picture, rendered_params};
 use crate::adaptive::{Done, blocks_of, render_blocks as render_by_error, stats_of};
 use crate::blocks::{Area, Blocks};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::io::film::{Film, FilmWindow};
 use crate::options::Decisions;
 use crate::pack::{SceneBuffers, sample_positions};
@@ -18,6 +18,7 @@ use std::borrow::Cow;
 use std::ops::Range;
 use std::panic::resume_unwind;
 use std::sync::mpsc::sync_channel;
+use std::thread::Builder;
 use std::time::{Duration, Instant};
 
 /// The most pixels of a band, and about how many camera rays.
@@ -331,12 +332,12 @@ impl<'a> Groups<'a> {
         (pace.unwrap_or(FIRST_RAYS) / self.rays_of_band()).min(GROUP_PIXELS / pixels).max(1) as usize
     }
 
-    /// Traces all bands, and hands each group on as soon as it is traced, until nobody takes one.
+    /// Traces all bands, and hands each group on as soon as it is traced.
     fn trace(
         &self,
         (tracer, pace): (&mut dyn Backend, &mut Pace),
         progress: Progress,
-        mut hand_on: impl FnMut(Group<'a>) -> bool,
+        mut hand_on: impl FnMut(Group<'a>) -> Result<()>,
     ) -> Result<()> {
         let mut rest = self.wanted;
         while !rest.is_empty() {
@@ -348,12 +349,45 @@ impl<'a> Groups<'a> {
             let start = Instant::now();
             let traced = tracer.render(&self.params.cropped(place.place, place.size), &self.samples, &progress)?;
             *pace = Some(next_rays(self.rays_of_band() * numbers.len() as u64, start.elapsed()));
-            if !hand_on(Group { numbers, place, traced }) {
-                break;
-            }
+            hand_on(Group { numbers, place, traced })?;
             rest = later;
         }
         Ok(())
+    }
+
+    /// Whether all bands are one group.
+    fn are_one(&self, pace: Pace) -> bool {
+        neighbours(self.wanted) == self.wanted.len() && self.wanted.len() <= self.at_once(pace)
+    }
+
+    /// As [`Groups::trace`], in a second thread: what takes a group, and may write it to a disk, does so while the next
+    /// one is traced. Returns for how many seconds nothing was traced meanwhile; `None` where there can be no thread.
+    fn trace_beside(
+        &self,
+        (tracer, pace): (&mut dyn Backend, &mut Pace),
+        progress: Progress,
+        take: impl FnMut(Group<'a>) -> Result<()>,
+    ) -> Result<Option<f64>> {
+        std::thread::scope(|scope| {
+            let (sender, receiver) = sync_channel(0);
+            let trace = move || {
+                let mut waited = Duration::ZERO;
+                self.trace((tracer, pace), progress, |group| {
+                    let traced = Instant::now();
+                    let sent = sender.send(group);
+                    waited += traced.elapsed();
+                    // Where nobody takes it, whoever did has failed.
+                    sent.map_err(|_| Error::Stopped)
+                })?;
+                Ok((waited, Instant::now()))
+            };
+            let Ok(tracing) = Builder::new().spawn_scoped(scope, trace) else { return Ok(None) };
+            let taken = receiver.into_iter().try_for_each(take);
+            let traced: Result<(Duration, Instant)> = tracing.join().unwrap_or_else(|panic| resume_unwind(panic));
+            taken?;
+            let (waited, end) = traced?;
+            Ok(Some((waited + end.elapsed()).as_secs_f64()))
+        })
     }
 }
 
@@ -381,33 +415,13 @@ fn render_bands(
         }
         Ok(())
     };
-    let (mut taken, mut taking_s) = (Ok(()), None);
-    if neighbours(wanted) == wanted.len() && wanted.len() <= groups.at_once(*pace) {
-        groups.trace((tracer, pace), progress, |group| {
-            taken = take(group);
-            taken.is_ok()
-        })?;
-    } else {
-        // What takes a group, and may write it to a disk, does so while the next one is traced.
-        let (waited, ended) = std::thread::scope(|scope| {
-            let (sender, receiver) = sync_channel(0);
-            let groups = &groups;
-            let tracing = scope.spawn(move || {
-                let mut waited = Duration::ZERO;
-                groups.trace((tracer, pace), progress, |group| {
-                    let traced = Instant::now();
-                    let is_taken = sender.send(group).is_ok();
-                    waited += traced.elapsed();
-                    is_taken
-                })?;
-                Ok((waited, Instant::now()))
-            });
-            taken = receiver.into_iter().try_for_each(&mut take);
-            tracing.join().unwrap_or_else(|panic| resume_unwind(panic))
-        })?;
-        taking_s = Some((waited + ended.elapsed()).as_secs_f64());
+    let taking_s = match groups.are_one(*pace) {
+        true => None,
+        false => groups.trace_beside((&mut *tracer, &mut *pace), progress, &mut take)?,
+    };
+    if taking_s.is_none() {
+        groups.trace((tracer, pace), progress, take)?;
     }
-    taken?;
     Ok(RenderResult { taking_s, ..result })
 }
 

@@ -14,8 +14,8 @@ use crate::error::{Error, Result};
 use crate::io::film::Film;
 use crate::io::input::most_open_files;
 use crate::io::rows::PutRows;
-use crate::tracer::Finished;
 use bytemuck::{cast_slice, cast_slice_mut};
+use std::borrow::Cow;
 use std::collections::{BTreeMap, HashMap, VecDeque};
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
@@ -224,43 +224,78 @@ impl StoredBlocks {
     }
 }
 
-/// Hands on the rows of a picture while its blocks are rendered one after the other: bands as soon as they are
-/// finished, everything else from where it is kept.
+/// The most pixels of bands that wait for others in memory, where they are kept, too: 192 MiB.
+pub(super) const MOST_WAITING: usize = 1 << 24;
+
+/// A band that is finished, but not those above it.
+struct Waiting {
+    /// The row behind it.
+    end: usize,
+    /// Its pixels, row by row; `None` where they are kept.
+    pixels: Option<Vec<[f32; 3]>>,
+}
+
+/// Hands on the rows of a picture in their order while its blocks are rendered: bands as soon as none above them is
+/// missing, in whatever order several devices finish them, and everything else from where it is kept.
 pub struct RowsInOrder<'a> {
     blocks: PictureBlocks,
     put: PutRows<'a>,
     /// The first row of what is rendered that was not handed on yet.
     next: usize,
+    /// By their first rows.
+    waiting: BTreeMap<usize, Waiting>,
+    /// Pixels that wait in memory, and the most that do which are kept, too.
+    waiting_pixels: usize,
+    most: usize,
 }
 
 /// Hands on rows that are kept.
 type PutKept<'k> = &'k dyn Fn(&Range<usize>, PutRows) -> Result<()>;
 
 impl<'a> RowsInOrder<'a> {
-    /// Of a picture, none of whose rows were handed on.
-    pub fn new(blocks: &PictureBlocks, put: PutRows<'a>) -> Self {
-        RowsInOrder { blocks: *blocks, put, next: 0 }
+    /// Of a picture of which all blocks but the `rest` are kept, and no row was handed on.
+    pub fn new(blocks: &PictureBlocks, rest: &[usize], put: PutRows<'a>) -> Self {
+        let kept = blocks.numbers().into_iter().filter(|number| rest.binary_search(number).is_err());
+        let bands = kept.filter_map(|number| blocks.rows_of_band(number));
+        let waiting = bands.map(|rows| (rows.start, Waiting { end: rows.end, pixels: None })).collect();
+        RowsInOrder { blocks: *blocks, put, next: 0, waiting, waiting_pixels: 0, most: MOST_WAITING }
     }
 
-    /// Takes blocks that are finished, in ascending order from call to call, and hands on the rows that they complete:
-    /// of bands theirs, and before these those that are kept.
+    /// Takes the pixels of a block that is finished. Of a band, which may be kept, too, it hands the rows on, or has
+    /// them wait for those above; of others nothing is done.
     ///
     /// # Errors
     /// Those of whatever takes the rows, and of `kept`.
-    pub fn take(&mut self, finished: &Finished, kept: PutKept) -> Result<()> {
-        for &number in finished.blocks {
-            let Some(rows) = self.blocks.rows_of_band(number) else { return Ok(()) };
-            self.catch_up(rows.start, kept)?;
-            (self.put)(&self.blocks.gather(number, &finished.film))?;
+    pub fn take(&mut self, number: usize, pixels: Cow<[[f32; 3]]>, is_kept: bool, kept: PutKept) -> Result<()> {
+        let Some(rows) = self.blocks.rows_of_band(number) else { return Ok(()) };
+        self.go_on(kept)?;
+        if rows.start == self.next {
+            (self.put)(&pixels)?;
             self.next = rows.end;
+            return self.go_on(kept);
         }
+        let may_wait = !is_kept || self.waiting_pixels + pixels.len() <= self.most;
+        self.waiting_pixels += if may_wait { pixels.len() } else { 0 };
+        let pixels = may_wait.then(|| pixels.into_owned());
+        self.waiting.insert(rows.start, Waiting { end: rows.end, pixels });
         Ok(())
     }
 
-    fn catch_up(&mut self, until: usize, kept: PutKept) -> Result<()> {
-        if self.next < until {
-            kept(&(self.next..until), self.put)?;
-            self.next = until;
+    /// Hands on what waits, as far as nothing is missing above it.
+    fn go_on(&mut self, kept: PutKept) -> Result<()> {
+        while let Some(Waiting { mut end, pixels }) = self.waiting.remove(&self.next) {
+            if let Some(pixels) = pixels {
+                self.waiting_pixels -= pixels.len();
+                (self.put)(&pixels)?;
+            } else {
+                while let Some(Waiting { end: further, pixels: None }) = self.waiting.get(&end) {
+                    let further = *further;
+                    self.waiting.remove(&end);
+                    end = further;
+                }
+                kept(&(self.next..end), self.put)?;
+            }
+            self.next = end;
         }
         Ok(())
     }
@@ -270,82 +305,9 @@ impl<'a> RowsInOrder<'a> {
     /// # Errors
     /// As [`RowsInOrder::take`].
     pub fn finish(mut self, kept: PutKept) -> Result<()> {
-        self.catch_up(self.blocks.empty_film().height as usize, kept)
-    }
-}
-
-/// A band that is finished.
-pub struct Band {
-    /// Its number.
-    pub number: usize,
-    /// Its pixels, row by row.
-    pub pixels: Vec<[f32; 3]>,
-    /// Whether it is kept, too, so that it can be read where it is.
-    pub is_kept: bool,
-}
-
-/// The most pixels of bands that wait for others in memory, where they are kept, too: 192 MiB.
-pub(super) const MOST_WAITING: usize = 1 << 24;
-
-/// Hands on the rows of bands in their order, whatever the order is in which they are finished: by several devices.
-/// Bands that are finished early wait, in memory or where they are kept.
-pub struct BandsInOrder<'a> {
-    blocks: PictureBlocks,
-    put: PutRows<'a>,
-    /// The band whose rows are next.
-    next: usize,
-    /// Bands that are finished; `None` are kept.
-    waiting: BTreeMap<usize, Option<Vec<[f32; 3]>>>,
-    /// Pixels that wait in memory, and the most that do which are kept, too.
-    waiting_pixels: usize,
-    most: usize,
-}
-
-impl<'a> BandsInOrder<'a> {
-    /// Of a picture of which all bands but the `rest` are kept, and no row was handed on.
-    pub fn new(blocks: &PictureBlocks, rest: &[usize], put: PutRows<'a>) -> Self {
-        let kept = blocks.numbers().into_iter().filter(|number| rest.binary_search(number).is_err());
-        let waiting = kept.map(|number| (number, None)).collect();
-        BandsInOrder { blocks: *blocks, put, next: 0, waiting, waiting_pixels: 0, most: MOST_WAITING }
-    }
-
-    /// Takes a band, and hands on all rows that have no others missing above them.
-    ///
-    /// # Errors
-    /// Those of whatever takes the rows, and of `kept`.
-    pub fn take(&mut self, band: Band, kept: PutKept) -> Result<()> {
-        let count = band.pixels.len();
-        let may_wait = band.number == self.next || !band.is_kept || self.waiting_pixels + count <= self.most;
-        self.waiting_pixels += if may_wait { count } else { 0 };
-        self.waiting.insert(band.number, may_wait.then_some(band.pixels));
-        self.go_on(kept)
-    }
-
-    fn go_on(&mut self, kept: PutKept) -> Result<()> {
-        while let Some(pixels) = self.waiting.remove(&self.next) {
-            let first = self.next;
-            self.next += 1;
-            if let Some(pixels) = pixels {
-                self.waiting_pixels -= pixels.len();
-                (self.put)(&pixels)?;
-                continue;
-            }
-            while let Some(None) = self.waiting.get(&self.next) {
-                self.waiting.remove(&self.next);
-                self.next += 1;
-            }
-            let rows = |number| self.blocks.rows_of_band(number).expect("the picture is cut into bands");
-            kept(&(rows(first).start..rows(self.next - 1).end), self.put)?;
-        }
-        Ok(())
-    }
-
-    /// Hands on what is left, all of which is kept.
-    ///
-    /// # Errors
-    /// As [`BandsInOrder::take`].
-    pub fn finish(mut self, kept: PutKept) -> Result<()> {
-        self.go_on(kept)
+        self.go_on(kept)?;
+        let height = self.blocks.size().1 as usize;
+        if self.next < height { kept(&(self.next..height), self.put) } else { Ok(()) }
     }
 }
 
@@ -357,7 +319,7 @@ mod tests {
     use crate::options::TraceOptions;
     use crate::random::Random;
     use crate::scene::{Builder, Camera, Samples};
-    use crate::tracer::Spent;
+    use crate::tracer::{Finished, Spent};
     use glam::Vec3;
 
     /// A picture, or a part of one, whose pixels are random.
@@ -400,6 +362,39 @@ mod tests {
             let mut film = self.blocks.empty_film();
             self.blocks.copy(&self.finished(&self.blocks.numbers()), &mut film).unwrap();
             film.pixels
+        }
+
+        /// The rows are those of the picture, where a journal has the blocks of `earlier` and gets those of `rest` from
+        /// the one of this number on, in this order; so many pixels wait in memory although they are kept.
+        fn assert_in_order(&self, (earlier, rest): (&[usize], &[usize]), (journal_from, most): (usize, usize)) {
+            let path = self.journal("a", None, earlier).path().to_owned();
+            let nobody = &mut |_: &PictureBlocks, _: &super::super::KeptBlock| Ok(());
+            let (journal, _) = PictureJournal::open(&path, &self.id, None, &self.blocks, nobody).unwrap();
+            let (journal, mut rows) = (std::cell::RefCell::new(journal), Vec::new());
+            let mut put = |more: &[[f32; 3]]| {
+                rows.extend_from_slice(more);
+                Ok(())
+            };
+            let mut wanted = rest.to_vec();
+            wanted.sort_unstable();
+            let mut in_order = RowsInOrder { most, ..RowsInOrder::new(&self.blocks, &wanted, &mut put) };
+            let put_kept = |rows: &Range<usize>, put: PutRows| journal.borrow().rows().put(rows, put);
+            for (i, &number) in rest.iter().enumerate() {
+                let (one, is_kept) = ([number], i >= journal_from);
+                let finished = self.finished(&one);
+                if is_kept {
+                    journal.borrow_mut().append(&finished).unwrap();
+                }
+                let pixels = self.blocks.gather(number, &finished.film);
+                in_order.take(number, pixels, is_kept, &put_kept).unwrap();
+                let pixels: usize =
+                    in_order.waiting.values().filter_map(|band| band.pixels.as_ref().map(Vec::len)).sum();
+                assert_eq!(pixels, in_order.waiting_pixels);
+                assert!(journal_from > 0 || pixels <= most, "{pixels} of {most}");
+            }
+            in_order.finish(&put_kept).unwrap();
+            assert!(rows == self.pixels(), "{journal_from}, {most}: {:?}", self.blocks);
+            std::fs::remove_file(&path).unwrap();
         }
 
         fn rows(&self) -> Range<usize> {
@@ -484,23 +479,7 @@ mod tests {
             let numbers = picture.blocks.numbers();
             let is_kept = |number: &usize| number % 5 < 2 || number % 7 == 6;
             let (kept, rest): (Vec<usize>, Vec<usize>) = numbers.into_iter().partition(is_kept);
-            let path = picture.journal("a", None, &kept).path().to_owned();
-            let nobody = &mut |_: &PictureBlocks, _: &super::super::KeptBlock| Ok(());
-            let (journal, _) = PictureJournal::open(&path, &picture.id, None, &picture.blocks, nobody).unwrap();
-            let (journal, mut rows) = (std::cell::RefCell::new(journal), Vec::new());
-            let mut put = |more: &[[f32; 3]]| {
-                rows.extend_from_slice(more);
-                Ok(())
-            };
-            let mut in_order = RowsInOrder::new(&picture.blocks, &mut put);
-            let put_kept = |rows: &Range<usize>, put: PutRows| journal.borrow().rows().put(rows, put);
-            for some in rest.chunks(2) {
-                let finished = picture.finished(some);
-                journal.borrow_mut().append(&finished).unwrap();
-                in_order.take(&finished, &put_kept).unwrap();
-            }
-            in_order.finish(&put_kept).unwrap();
-            assert!(rows == picture.pixels(), "{:?}", picture.blocks);
+            picture.assert_in_order((&kept, &rest), (0, MOST_WAITING));
         }
     }
 
@@ -511,36 +490,11 @@ mod tests {
             // Some are kept by an earlier run; others once they are finished, where there is a journal by then.
             let (earlier, mut rest): (Vec<usize>, Vec<usize>) =
                 picture.blocks.numbers().into_iter().partition(|number| number % 4 == 1);
-            let wanted = rest.clone();
             for i in (1..rest.len()).rev() {
                 rest.swap(i, random.below(i + 1));
             }
-            for (journal_from, most) in [(0, 0), (0, 5000), (rest.len() / 2, 0), (rest.len(), 0)] {
-                let path = picture.journal("a", None, &earlier).path().to_owned();
-                let nobody = &mut |_: &PictureBlocks, _: &super::super::KeptBlock| Ok(());
-                let (journal, _) = PictureJournal::open(&path, &picture.id, None, &picture.blocks, nobody).unwrap();
-                let (journal, mut rows) = (std::cell::RefCell::new(journal), Vec::new());
-                let mut put = |more: &[[f32; 3]]| {
-                    rows.extend_from_slice(more);
-                    Ok(())
-                };
-                let mut in_order = BandsInOrder { most, ..BandsInOrder::new(&picture.blocks, &wanted, &mut put) };
-                let put_kept = |rows: &Range<usize>, put: PutRows| journal.borrow().rows().put(rows, put);
-                for (i, &number) in rest.iter().enumerate() {
-                    let (one, is_kept) = ([number], i >= journal_from);
-                    let finished = picture.finished(&one);
-                    if is_kept {
-                        journal.borrow_mut().append(&finished).unwrap();
-                    }
-                    let pixels = picture.blocks.gather(number, &finished.film).into_owned();
-                    in_order.take(Band { number, pixels, is_kept }, &put_kept).unwrap();
-                    let pixels: usize = in_order.waiting.values().flatten().map(Vec::len).sum();
-                    assert_eq!(pixels, in_order.waiting_pixels);
-                    assert!(journal_from > 0 || pixels <= most, "{pixels} of {most}");
-                }
-                in_order.finish(&put_kept).unwrap();
-                assert!(rows == picture.pixels(), "{journal_from}, {most}: {:?}", picture.blocks);
-                std::fs::remove_file(&path).unwrap();
+            for waiting in [(0, 0), (0, 5000), (rest.len() / 2, 0), (rest.len(), 0)] {
+                picture.assert_in_order((&earlier, &rest), waiting);
             }
         }
     }

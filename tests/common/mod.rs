@@ -85,6 +85,26 @@ pub fn root() -> PathBuf {
     package.ancestors().find(is_root).expect("a package of the project").to_path_buf()
 }
 
+/// Does with an input of a fuzz target what must be done, and tells whether it could be used.
+type Check = fn(&[u8]) -> bool;
+
+/// Tries the inputs of fuzz targets that are kept in `fuzz/seeds`. The name of one that cannot be used begins with
+/// `refused-`.
+pub fn assert_kept_inputs_hold(targets: &[(&str, Check)]) {
+    for (target, check) in targets {
+        let seeds = root().join("fuzz/seeds").join(target);
+        let mut inputs: Vec<_> = std::fs::read_dir(seeds).unwrap().map(|file| file.unwrap()).collect();
+        inputs.sort_by_key(|input| input.file_name());
+        assert!(!inputs.is_empty(), "{target} has no inputs");
+        for input in inputs {
+            let name = input.file_name().into_string().unwrap();
+            println!("{target}: {name}");
+            let is_used = check(&std::fs::read(input.path()).unwrap());
+            assert_eq!(is_used, !name.starts_with("refused-"), "{target}: {name}");
+        }
+    }
+}
+
 /// A path under the shared models, which lie in `RAYBROOK_SHARED` or else beside the project; `None`, with the reason
 /// printed, where they are not. Where `RAYBROOK_REQUIRE_SHARED` is set that is a failure.
 pub fn shared(path: &str) -> Option<PathBuf> {

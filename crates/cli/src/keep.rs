@@ -13,14 +13,15 @@ use raybrook::low_level::film::Film;
 use raybrook::low_level::journal;
 use raybrook::low_level::options::Decisions;
 use raybrook::low_level::renderer::{
-    Band, BandsInOrder, KeptBlock, Part, Picture, PictureBlocks, PictureId, PictureJournal, RowsInOrder, is_large,
-    read_kept, render_blocks, render_by_several,
+    KeptBlock, Part, Picture, PictureBlocks, PictureId, PictureJournal, RowsInOrder, is_large, read_kept,
+    render_blocks, render_by_several,
 };
 use raybrook::low_level::rows::PutRows;
 use raybrook::low_level::scene::Samples;
 use raybrook::low_level::several::Devices;
 use raybrook::low_level::tracer::{DeviceShare, Finished, LostDevice, RenderResult, Spent};
 use raybrook::{Error, Result};
+use std::borrow::Cow;
 use std::ffi::OsString;
 use std::ops::Range;
 use std::panic::resume_unwind;
@@ -273,11 +274,15 @@ impl<'a> Keeper<'a> {
         };
         self.start = Instant::now();
         let film = self.log.lock().more.film.take();
-        let mut rows = rows.map(|put| RowsInOrder::new(&self.blocks, put));
+        let mut rows = rows.map(|put| RowsInOrder::new(&self.blocks, &self.rest, put));
         let mut take = |finished: &Finished| {
-            self.take(finished)?;
+            let is_kept = self.take(finished)?;
+            let Some(rows) = rows.as_mut().filter(|_| self.blocks.are_bands()) else { return Ok(()) };
             let kept = |rows: &Range<usize>, put: PutRows| self.put_kept(rows, put);
-            rows.as_mut().map_or(Ok(()), |rows| rows.take(finished, &kept))
+            finished
+                .blocks
+                .iter()
+                .try_for_each(|&number| rows.take(number, self.blocks.gather(number, &finished.film), is_kept, &kept))
         };
         let (tracer, rest) = (opened.tracer.as_mut(), (&self.rest[..], film));
         let result = render_blocks(tracer, &opened.buffers, picture, &self.blocks, rest, &mut take, &progress)?;
@@ -362,18 +367,20 @@ impl<'a> Keeper<'a> {
         render: impl FnOnce(&(dyn Fn(&Finished, bool) -> Result<()> + Sync)) -> Result<T> + Send,
     ) -> Result<(T, f64)> {
         let kept = |rows: &Range<usize>, put: PutRows| self.put_kept(rows, put);
-        let mut rows = BandsInOrder::new(&self.blocks, &self.rest, put);
+        let mut rows = RowsInOrder::new(&self.blocks, &self.rest, put);
         let mut written = Ok(());
         let rendered = std::thread::scope(|scope| {
             let (sender, receiver) = sync_channel(1);
             let send = move |finished: &Finished, is_kept: bool| {
-                let pixels = |number| self.blocks.gather(number, &finished.film).into_owned();
-                let bands = finished.blocks.iter().map(|&number| Band { number, pixels: pixels(number), is_kept });
+                let pixels = |number| Cow::Owned(self.blocks.gather(number, &finished.film).into_owned());
+                let bands = finished.blocks.iter().map(|&number| (number, pixels(number), is_kept));
                 // Nobody takes them any more where rows cannot be written.
-                sender.send(bands.collect::<Vec<Band>>()).map_err(|_| Error::Stopped)
+                sender.send(bands.collect::<Vec<_>>()).map_err(|_| Error::Stopped)
             };
             let rendering = scope.spawn(move || Ok((render(&send)?, Instant::now())));
-            written = receiver.into_iter().flatten().try_for_each(|band| rows.take(band, &kept));
+            let mut bands = receiver.into_iter().flatten();
+            written = bands.try_for_each(|(number, pixels, is_kept)| rows.take(number, pixels, is_kept, &kept));
+            drop(bands);
             rendering.join().unwrap_or_else(|panic| resume_unwind(panic))
         });
         written?;
