@@ -32,14 +32,15 @@ typedef struct {
     float3 towards;      // and its direction there
 } Path;
 
-// Sixteen pixels: the first item, and the number of the sample that is rendered. Only camera rays are also traced for
-// those that follow; their lanes count on.
+// Sixteen pixels: the first item, the number of the sample that is rendered, and the lanes that are left to the second
+// pass. Only camera rays are also traced for those that follow; their lanes count on.
 typedef struct {
     __global const RenderParams* render;
     __global const CameraSample* samples;
     uint item, sample;
     Pixel* pixels;
     Path* paths;
+    ulong* is_deferred;
 } PixelGroup;
 
 // Which of a path's rays.
@@ -143,13 +144,13 @@ void pack_camera_rays(const PixelGroup* group, uint item, ulong lanes, RayPacket
 // single rays, and to take it apart again.
 #define FEWEST_TOGETHER 6u
 
-// The closest hits of the rays of `lanes`, or with any_hit whether there are any; of `packets` packets, of which only
-// camera rays have more than one: theirs go on in the next items. What is left to the second pass is added to
-// *is_deferred. *packet: the rays that were traced together.
-void trace_lanes(GEOMETRY_PARAMETERS, const PixelGroup* group, const uint kind, const ulong* lanes, const uint packets,
-                 const bool any_hit, RayPacket* packet, PacketAnswer* answer, ulong* is_deferred) {
+// The closest hits of the rays of `lanes`, or with any_hit whether there are any. Only camera rays have more than one
+// packet: theirs go on in the next items. *packet: the rays that were traced together.
+void trace_lanes(GEOMETRY_PARAMETERS, const PixelGroup* group, const uint kind, const ulong* lanes, const bool any_hit,
+                 RayPacket* packet, PacketAnswer* answer) {
+    const uint packets = kind == CAMERA_RAYS ? PACKETS_OF_ITEM : 1u;
     PacketHits found[PACKETS_OF_ITEM];
-    int16 used[PACKETS_OF_ITEM], undecided_lanes[PACKETS_OF_ITEM];
+    int16 used[PACKETS_OF_ITEM];
     uint traced = 0u;
     for (uint k = 0; k < packets; k++) {
         answer[k].hits = answer[k].together = 0ul;
@@ -160,19 +161,18 @@ void trace_lanes(GEOMETRY_PARAMETERS, const PixelGroup* group, const uint kind, 
         used[k] = make_packet(&packet[k], 1.0f, &unit);
         if (is_any16(used[k])) traced |= 1u << k;
     }
-    if (traced != 0u) TRAVERSE_PACKETS(GEOMETRY, packet, traced, any_hit, found, undecided_lanes);
+    if (traced != 0u) TRAVERSE_PACKETS(GEOMETRY, packet, traced, any_hit, found);
     for (uint k = 0; k < packets; k++) {
         Ray ray;
         ulong single = lanes[k];
         if ((traced >> k & 1u) != 0u) {
             answer[k].together = lanes_where16(used[k]);
-            for (ulong open = unsettled_lanes(&found[k], any_hit, undecided_lanes[k]); open != 0ul;
-                 open = other_lanes8(open)) {
+            for (ulong open = unsettled_lanes(&found[k], any_hit); open != 0ul; open = other_lanes8(open)) {
                 const uint lane = first_lane16(open);
                 take_ray_of(group, kind, 16u * k + lane, &ray);
-                settle_lane(GEOMETRY, &ray, lane, any_hit, &found[k], &undecided_lanes[k]);
+                settle_lane(GEOMETRY, &ray, lane, any_hit, &found[k]);
             }
-            const int16 is_settled = used[k] && !undecided_lanes[k];
+            const int16 is_settled = used[k] && !found[k].undecided_lanes;
             single &= ~lanes_where16(is_settled);
             answer[k].hits = lanes_where16(is_settled && found[k].primitive != NO_PRIMITIVE);
             keep_packet(&answer[k], &found[k]);
@@ -183,7 +183,7 @@ void trace_lanes(GEOMETRY_PARAMETERS, const PixelGroup* group, const uint kind, 
             take_ray_of(group, kind, 16u * k + lane, &ray);
             if (trace_ray(GEOMETRY, &ray, any_hit, &hit)) answer[k].hits |= lane_bit16(lane);
             keep_hit(&answer[k], lane, &hit);
-            if (FORGET_DEFERRED(geometry)) is_deferred[k] |= lane_bit16(lane);
+            if (FORGET_DEFERRED(geometry)) group->is_deferred[k] |= lane_bit16(lane);
         }
     }
 }
@@ -191,7 +191,7 @@ void trace_lanes(GEOMETRY_PARAMETERS, const PixelGroup* group, const uint kind, 
 // Lets the shadow rays of that kind, which were traced, go on behind what they have hit, if it is transparent. Returns
 // those that do.
 ulong pass_surfaces(SCENE_PARAMETERS, const PixelGroup* group, const uint kind, const RayPacket* packet,
-                    const PacketAnswer* answer, ulong* is_deferred) {
+                    const PacketAnswer* answer) {
     const Geometry* geometry = &scene->geometry;
     ulong passed = 0ul;
     for (ulong rest = answer->hits; rest != 0ul; rest = other_lanes8(rest)) {
@@ -215,7 +215,7 @@ ulong pass_surfaces(SCENE_PARAMETERS, const PixelGroup* group, const uint kind, 
             hit_of_answer(answer, lane, &hit);
             SurfaceHit at;
             SURFACE_HIT(GEOMETRY, &ray, &hit, &at);
-            if (FORGET_DEFERRED(geometry)) *is_deferred |= lane_bit16(lane);
+            if (FORGET_DEFERRED(geometry)) *group->is_deferred |= lane_bit16(lane);
             path->passed = surface_point(GEOMETRY, &at);
         }
         path->towards = still_to_light(&path->start, &path->sample, path->passed.position);
@@ -224,7 +224,7 @@ ulong pass_surfaces(SCENE_PARAMETERS, const PixelGroup* group, const uint kind, 
 }
 
 // What light_visibility() is for each of the shadow rays of `lanes`, in path->tint.
-void see_lamp(SCENE_PARAMETERS, const PixelGroup* group, ulong lanes, ulong* is_deferred) {
+void see_lamp(SCENE_PARAMETERS, const PixelGroup* group, ulong lanes) {
     const Geometry* geometry = &scene->geometry;
     const bool is_tinted = has_transparent(scene);
     for (ulong rest = lanes; rest != 0ul; rest = other_lanes8(rest)) {
@@ -234,14 +234,14 @@ void see_lamp(SCENE_PARAMETERS, const PixelGroup* group, ulong lanes, ulong* is_
     }
     RayPacket packet;
     PacketAnswer answer;
-    trace_lanes(GEOMETRY, group, SHADOW_RAYS, &lanes, 1u, !is_tinted, &packet, &answer, is_deferred);
+    trace_lanes(GEOMETRY, group, SHADOW_RAYS, &lanes, !is_tinted, &packet, &answer);
     ulong open = answer.hits, dark = 0ul;
     if (is_tinted) {
-        ulong passed = pass_surfaces(SCENE, group, SHADOW_RAYS, &packet, &answer, is_deferred);
+        ulong passed = pass_surfaces(SCENE, group, SHADOW_RAYS, &packet, &answer);
         dark = open & ~passed;
         for (uint layer = 1; layer < MAX_SHADOW_LAYERS && passed != 0ul; layer++) {
-            trace_lanes(GEOMETRY, group, PASSED_RAYS, &passed, 1u, false, &packet, &answer, is_deferred);
-            passed = pass_surfaces(SCENE, group, PASSED_RAYS, &packet, &answer, is_deferred);
+            trace_lanes(GEOMETRY, group, PASSED_RAYS, &passed, false, &packet, &answer);
+            passed = pass_surfaces(SCENE, group, PASSED_RAYS, &packet, &answer);
             dark |= answer.hits & ~passed;
         }
         open = passed;
@@ -283,7 +283,7 @@ ulong directions_to_lamp(const PixelGroup* group, ulong lanes, float3 position, 
 }
 
 // Adds lamp number `index` to the light of the surfaces of `lanes`.
-void add_lamp(SCENE_PARAMETERS, const PixelGroup* group, ulong lanes, uint index, ulong* is_deferred) {
+void add_lamp(SCENE_PARAMETERS, const PixelGroup* group, ulong lanes, uint index) {
     __global const Light* light = &scene->lights[index];
     PacketLamp lamp;
     ulong lit = 0ul, known = 0ul, has_halfway = 0ul;
@@ -310,7 +310,7 @@ void add_lamp(SCENE_PARAMETERS, const PixelGroup* group, ulong lanes, uint index
         if (is_lit) lit |= lane_bit16(lane);
     }
     if (lit == 0ul) return;
-    see_lamp(SCENE, group, lit, is_deferred);
+    see_lamp(SCENE, group, lit);
     for (; lit != 0ul; lit = other_lanes8(lit)) {
         Path* path = &group->paths[first_lane16(lit)];
         path->light.radiance += path->reflected * path->tint;
@@ -320,7 +320,7 @@ void add_lamp(SCENE_PARAMETERS, const PixelGroup* group, ulong lanes, uint index
 // What the paths of `lanes` have hit: path->pending (of its ray only what shading wants, origin and direction), surface
 // and direction; of those that have missed the direction alone.
 void find_surfaces(SCENE_PARAMETERS, const PixelGroup* group, const uint kind, ulong lanes, const RayPacket* packet,
-                   const PacketAnswer* answer, ulong* is_deferred) {
+                   const PacketAnswer* answer) {
     const Geometry* geometry = &scene->geometry;
     float16 unit[3], scale, inverse;
     PacketSurfaces surfaces;
@@ -359,15 +359,15 @@ void find_surfaces(SCENE_PARAMETERS, const PixelGroup* group, const uint kind, u
         Hit hit;
         hit_of_answer(answer, lane, &hit);
         SURFACE_HIT(GEOMETRY, &path->pending.ray, &hit, &at);
-        if (FORGET_DEFERRED(geometry)) *is_deferred |= lane_bit16(lane);
+        if (FORGET_DEFERRED(geometry)) *group->is_deferred |= lane_bit16(lane);
         path->surface = surface_at(GEOMETRY, scene->shading, &path->pending.ray, &at);
     }
 }
 
 // Shades what the paths of `lanes` have hit.
 void follow_paths(SCENE_PARAMETERS, const PixelGroup* group, const uint kind, ulong lanes, const RayPacket* packet,
-                  const PacketAnswer* answer, ulong* is_deferred) {
-    find_surfaces(SCENE, group, kind, lanes, packet, answer, is_deferred);
+                  const PacketAnswer* answer) {
+    find_surfaces(SCENE, group, kind, lanes, packet, answer);
     for (ulong rest = lanes; rest != 0ul; rest = other_lanes8(rest)) {
         const uint lane = first_lane16(rest);
         Path* path = &group->paths[lane];
@@ -385,7 +385,7 @@ void follow_paths(SCENE_PARAMETERS, const PixelGroup* group, const uint kind, ul
         path->start = path->surface.point;
         lift_point(&path->start, path->surface.lift);
     }
-    for (uint i = 0; i < light_count(scene); i++) add_lamp(SCENE, group, answer->hits, i, is_deferred);
+    for (uint i = 0; i < light_count(scene); i++) add_lamp(SCENE, group, answer->hits, i);
     for (ulong rest = answer->hits; rest != 0ul; rest = other_lanes8(rest)) {
         const uint lane = first_lane16(rest);
         Path* path = &group->paths[lane];
@@ -401,15 +401,14 @@ void follow_paths(SCENE_PARAMETERS, const PixelGroup* group, const uint kind, ul
 }
 
 // Adds the sample of the paths of `lanes`, whose camera rays were traced, to their pixels.
-void add_sample(SCENE_PARAMETERS, const PixelGroup* group, ulong lanes, RayPacket* packet, PacketAnswer* answer,
-                ulong* is_deferred) {
+void add_sample(SCENE_PARAMETERS, const PixelGroup* group, ulong lanes, RayPacket* packet, PacketAnswer* answer) {
     const Geometry* geometry = &scene->geometry;
     for (ulong rest = lanes; rest != 0ul; rest = other_lanes8(rest)) {
         Path* path = &group->paths[first_lane16(rest)];
         path->radiance = (float3)(0.0f);
         path->stacked = 0u;
     }
-    follow_paths(SCENE, group, CAMERA_RAYS, lanes, packet, answer, is_deferred);
+    follow_paths(SCENE, group, CAMERA_RAYS, lanes, packet, answer);
     for (;;) {
         ulong open = 0ul;
         for (ulong rest = lanes; rest != 0ul; rest = other_lanes8(rest)) {
@@ -419,8 +418,8 @@ void add_sample(SCENE_PARAMETERS, const PixelGroup* group, ulong lanes, RayPacke
             open |= lane_bit16(lane);
         }
         if (open == 0ul) break;
-        trace_lanes(GEOMETRY, group, WAITING_RAYS, &open, 1u, false, packet, answer, is_deferred);
-        follow_paths(SCENE, group, WAITING_RAYS, open, packet, answer, is_deferred);
+        trace_lanes(GEOMETRY, group, WAITING_RAYS, &open, false, packet, answer);
+        follow_paths(SCENE, group, WAITING_RAYS, open, packet, answer);
     }
     for (ulong rest = lanes; rest != 0ul; rest = other_lanes8(rest)) {
         const uint lane = first_lane16(rest);
@@ -428,30 +427,40 @@ void add_sample(SCENE_PARAMETERS, const PixelGroup* group, ulong lanes, RayPacke
     }
 }
 
-// Renders the items from `item` on, of those before `end`.
-void render_tile(SCENE_PARAMETERS, __global const RenderParams* render, __global const CameraSample* samples,
-                 __global float4* film, volatile __global uint* counters, DEFERRED_ARGUMENT uint first_sample,
-                 uint end_sample, uint item, uint end) {
+// What a launch renders: of the items before `end` the samples from first_sample to end_sample.
+typedef struct {
+    __global const RenderParams* render;
+    __global const CameraSample* samples;
+    __global float4* film;
+    volatile __global uint* counters;
+    uint first_sample, end_sample, end;
+} PictureLaunch;
+
+// Renders a tile, the items from `item` on.
+void render_tile(SCENE_PARAMETERS, const PictureLaunch* launch, DEFERRED_ARGUMENT uint item) {
     const Geometry* geometry = &scene->geometry;
+    __global const RenderParams* render = launch->render;
+    __global float4* film = launch->film;
     Pixel pixels[TILE_ITEMS];
     ulong inside[PACKETS_OF_ITEM], is_deferred[PACKETS_OF_ITEM];
     for (uint k = 0; k < PACKETS_OF_ITEM; k++) inside[k] = is_deferred[k] = 0ul;
     for (uint i = 0; i < TILE_ITEMS; i++) {
         const uint2 pixel = pixel_of_item(render, item + i);
-        if (item + i >= end || !is_in_film(render, pixel)) continue;
+        if (item + i >= launch->end || !is_in_film(render, pixel)) continue;
         inside[i / 16u] |= lane_bit16(i % 16u);
-        pixels[i].sum = first_sample == 0u ? (float3)(0.0f) : film[pixel.y * render->width + pixel.x].xyz;
+        pixels[i].sum = launch->first_sample == 0u ? (float3)(0.0f) : film[pixel.y * render->width + pixel.x].xyz;
         for (uint j = 0; j < COUNTERS; j++) pixels[i].counts[j] = 0u;
     }
-    for (uint s = first_sample; s < end_sample; s++) {
+    for (uint s = launch->first_sample; s < launch->end_sample; s++) {
         Path paths[16];
         RayPacket packets[PACKETS_OF_ITEM];
         PacketAnswer answers[PACKETS_OF_ITEM];
-        const PixelGroup all = {render, samples, item, s, pixels, paths};
-        trace_lanes(GEOMETRY, &all, CAMERA_RAYS, inside, PACKETS_OF_ITEM, false, packets, answers, is_deferred);
+        const PixelGroup all = {render, launch->samples, item, s, pixels, paths, is_deferred};
+        trace_lanes(GEOMETRY, &all, CAMERA_RAYS, inside, false, packets, answers);
         for (uint k = 0; k < PACKETS_OF_ITEM; k++) {
-            const PixelGroup sixteen = {render, samples, item + 16u * k, s, pixels + 16u * k, paths};
-            add_sample(SCENE, &sixteen, inside[k], &packets[k], &answers[k], &is_deferred[k]);
+            const PixelGroup sixteen = {
+                render, launch->samples, item + 16u * k, s, pixels + 16u * k, paths, is_deferred + k};
+            add_sample(SCENE, &sixteen, inside[k], &packets[k], &answers[k]);
         }
     }
     for (uint i = 0; i < TILE_ITEMS; i++) {
@@ -461,8 +470,8 @@ void render_tile(SCENE_PARAMETERS, __global const RenderParams* render, __global
             continue;
         }
         const uint2 pixel = pixel_of_item(render, item + i);
-        film[pixel.y * render->width + pixel.x] = sum_of_samples(render, pixels[i].sum, end_sample);
-        add_counts(pixels[i].counts, counters, item + i);
+        film[pixel.y * render->width + pixel.x] = sum_of_samples(render, pixels[i].sum, launch->end_sample);
+        add_counts(pixels[i].counts, launch->counters, item + i);
     }
 }
 
@@ -475,10 +484,10 @@ __kernel void render_packets(SCENE_ARGUMENTS, __global const RenderParams* restr
     const uint tiles = (end - first + TILE_ITEMS - 1u) / TILE_ITEMS;
     TRAVERSAL_STATE
     const Scene scene = MAKE_SCENE;
+    const PictureLaunch launch = {render, samples, film, counters, first_sample, end_sample, end};
     for (;;) {
         const uint tile = atomic_inc(&counters[TAKEN_TILES]);
         if (tile >= tiles) return;
-        render_tile(SCENE_AT(&scene), render, samples, film, counters, deferred, first_sample, end_sample,
-                    first + TILE_ITEMS * tile, end);
+        render_tile(SCENE_AT(&scene), &launch, deferred, first + TILE_ITEMS * tile);
     }
 }

@@ -72,7 +72,6 @@ void trace_together(GEOMETRY_PARAMETERS, __global const TraceRay* rays, __global
     RayPacket packets[PACKETS_OF_ITEM];
     PacketHits found[PACKETS_OF_ITEM];
     float16 t_factor[PACKETS_OF_ITEM];
-    int16 undecided_lanes[PACKETS_OF_ITEM];
     uint traced = 0u;
     for (uint rest = full; rest != 0u; rest &= rest - 1u) {
         const uint k = first_member(rest);
@@ -81,15 +80,14 @@ void trace_together(GEOMETRY_PARAMETERS, __global const TraceRay* rays, __global
         if (is_any16(answered[k])) traced |= 1u << k;
     }
     if (traced == 0u) return;
-    TRAVERSE_PACKETS(GEOMETRY, packets, traced, any_hit, found, undecided_lanes);
+    TRAVERSE_PACKETS(GEOMETRY, packets, traced, any_hit, found);
     for (; traced != 0u; traced &= traced - 1u) {
         const uint k = first_member(traced);
         FinishedHits hit;
-        for (ulong open = unsettled_lanes(&found[k], any_hit, undecided_lanes[k]); open != 0ul;
-             open = other_lanes8(open)) {
+        for (ulong open = unsettled_lanes(&found[k], any_hit); open != 0ul; open = other_lanes8(open)) {
             const uint lane = first_lane16(open);
             const Ray ray = batch_ray(rays, ray_in_square(tile, square_in_tile(tile, k), lane), geometry->scale);
-            settle_lane(GEOMETRY, &ray, lane, any_hit, &found[k], &undecided_lanes[k]);
+            settle_lane(GEOMETRY, &ray, lane, any_hit, &found[k]);
         }
         const int16 unfinished = finish_packet(GEOMETRY, &packets[k], &found[k], any_hit, &hit);
         // A t that may have lost bits is left to single rays.
@@ -98,7 +96,7 @@ void trace_together(GEOMETRY_PARAMETERS, __global const TraceRay* rays, __global
         const int16 is_exact = any_hit ? (int16)(-1) : is_miss || (fabs(t) >= FLT_MIN && fabs(t) <= FLT_MAX);
         store_hits(hits + square_in_tile(tile, k), tile->stride, any_hit && !is_miss ? (float16)(0.0f) : t, hit.u,
                    hit.v, hit.primitive);
-        const int16 is_settled = answered[k] && !undecided_lanes[k];
+        const int16 is_settled = answered[k] && !found[k].undecided_lanes;
         answered[k] = is_settled && !unfinished && is_exact;
         for (ulong open = lanes_where16(is_settled && unfinished); open != 0ul; open = other_lanes8(open)) {
             const uint lane = first_lane16(open), index = ray_in_square(tile, square_in_tile(tile, k), lane);
@@ -111,19 +109,18 @@ void trace_together(GEOMETRY_PARAMETERS, __global const TraceRay* rays, __global
     }
 }
 
-// The rays of one work-item, those of the tile from `item` on, of items before `end`. What packets do not answer is
-// traced one ray after the other.
-void trace_item(GEOMETRY_PARAMETERS, __global const TraceRay* rays, __global Hit* hits,
-                volatile __global uint* deferred, uint row, uint in_bands, uint item, uint end, const bool any_hit) {
-    const RayTile tile = tile_at(item, row, in_bands);
-    const uint packets = min((end - item) / 16u, PACKETS_OF_ITEM);
+// The rays of one work-item: the first `count` of a tile, or all if it has fewer. What packets do not answer is traced
+// one ray after the other.
+void trace_tile(GEOMETRY_PARAMETERS, __global const TraceRay* rays, __global Hit* hits, DEFERRED_ARGUMENT
+                const RayTile* tile, uint count, const bool any_hit) {
+    const uint packets = min(count / 16u, PACKETS_OF_ITEM);
     int16 answered[PACKETS_OF_ITEM];
-    trace_together(GEOMETRY, rays, hits, &tile, (1u << packets) - 1u, any_hit, answered);
+    trace_together(GEOMETRY, rays, hits, tile, (1u << packets) - 1u, any_hit, answered);
     for (uint k = 0; k < PACKETS_OF_ITEM; k++) {
         const int16 here = k < packets ? answered[k] : (int16)(0);
         for (ulong single = ALL_LANES16 & ~lanes_where16(here); single != 0ul; single = other_lanes8(single)) {
-            const uint lane = first_lane16(single), index = ray_in_square(&tile, square_in_tile(&tile, k), lane);
-            if (item + 16u * k + lane >= end) continue;
+            const uint lane = first_lane16(single), index = ray_in_square(tile, square_in_tile(tile, k), lane);
+            if (16u * k + lane >= count) continue;
             Hit hit;
             if (!trace_batch(GEOMETRY, rays, hits, index, any_hit, &hit))
                 settle_batch(GEOMETRY, rays, hits, index, any_hit, hit);
@@ -140,7 +137,8 @@ __kernel void trace_closest_packets(GEOMETRY_ARGUMENTS, __global const TraceRay*
     if (item >= end) return;
     TRAVERSAL_STATE
     const Geometry geometry = MAKE_GEOMETRY;
-    trace_item(GEOMETRY_AT(&geometry), rays, hits, deferred, row, in_bands, item, end, false);
+    const RayTile tile = tile_at(item, row, in_bands);
+    trace_tile(GEOMETRY_AT(&geometry), rays, hits, deferred, &tile, end - item, false);
 }
 
 // Some hit of each ray, as trace_any.
@@ -150,5 +148,6 @@ __kernel void trace_any_packets(GEOMETRY_ARGUMENTS, __global const TraceRay* res
     if (item >= end) return;
     TRAVERSAL_STATE
     const Geometry geometry = MAKE_GEOMETRY;
-    trace_item(GEOMETRY_AT(&geometry), rays, hits, deferred, row, in_bands, item, end, true);
+    const RayTile tile = tile_at(item, row, in_bands);
+    trace_tile(GEOMETRY_AT(&geometry), rays, hits, deferred, &tile, end - item, true);
 }

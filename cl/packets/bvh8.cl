@@ -45,8 +45,8 @@ INLINE float16 clip_packet(GEOMETRY_PARAMETERS, const RayPacket* p, uint node, u
 
 // Goes on with one ray of a packet below `link`.
 void trace_single_ray(GEOMETRY_PARAMETERS, const RayPacket* p, uint lane, uint link, const bool any_hit,
-                      float16* t_limits, PacketHits* hits, int16* undecided_lanes) {
-    SingleRay ray = take_single_ray(p, lane, t_limits, hits);
+                      PacketHits* hits) {
+    SingleRay ray = take_single_ray(p, lane, hits);
     const uint3 near = near_planes(ray.slabs.inv);
     FarChild stack[STACK_SIZE];
     const FarChild end = {BVH_END, -INFINITY};
@@ -61,7 +61,7 @@ void trace_single_ray(GEOMETRY_PARAMETERS, const RayPacket* p, uint lane, uint l
         if (leaf.z > 0 && test_single_ray(GEOMETRY, &ray, (uint)leaf.y, (uint)leaf.z, any_hit)) break;
         link = next_on_stack(stack, &stacked, ray.t_limit);
     }
-    put_back(&ray, lane, any_hit, t_limits, hits, undecided_lanes);
+    put_back(&ray, lane, any_hit, hits);
 }
 
 // The children of a node that rays enter, in `slots`, the farthest first; when they do in `t_enter`. Returns how many
@@ -85,12 +85,11 @@ uint children_of_packet(GEOMETRY_PARAMETERS, const RayPacket* p, uint node, floa
 }
 
 // The hits of sixteen rays with slabs, of that range, or, with any_hit, some hit of each. Triangles that float32
-// does not decide are put aside (settle_lane), or their lanes are in *undecided_lanes, and what is said of these hits
-// means nothing.
+// does not decide are put aside (settle_lane), or their lanes are undecided, and what is said of these hits means
+// nothing.
 void traverse_bvh8_packet(GEOMETRY_PARAMETERS, const RayPacket* p, const RayRange* range, const bool any_hit,
-                          PacketHits* hits, int16* undecided_lanes) {
-    start_packet(p, hits, undecided_lanes);
-    float16 t_limit = p->t_far;
+                          PacketHits* hits) {
+    start_packet(p, hits);
 
     PacketChild stack[STACK_SIZE];
     stack[0].t_enter = p->t_near;
@@ -98,19 +97,19 @@ void traverse_bvh8_packet(GEOMETRY_PARAMETERS, const RayPacket* p, const RayRang
     uint stacked = 1;
     while (stacked > 0u) {
         stacked--;
-        const int16 is_within = stack[stacked].t_enter <= t_limit;
+        const int16 is_within = stack[stacked].t_enter <= hits->t_limit;
         const uint link = stack[stacked].link;
         ulong lanes = lanes_where16(is_within);
         if (count_lanes16(lanes) <= FEW_RAYS) {
             for (; lanes != 0ul; lanes = other_lanes8(lanes))
-                trace_single_ray(GEOMETRY, p, first_lane16(lanes), link, any_hit, &t_limit, hits, undecided_lanes);
+                trace_single_ray(GEOMETRY, p, first_lane16(lanes), link, any_hit, hits);
             continue;
         }
         if ((link & BVH_LEAF) == 0u) {
             const uint node = BVH8_NODE_RECORDS * link;
             uint slots[8];
             float16 t_enter[8];
-            const uint count = children_of_packet(GEOMETRY, p, node, t_limit, slots, t_enter);
+            const uint count = children_of_packet(GEOMETRY, p, node, hits->t_limit, slots, t_enter);
             for (uint i = 0; i < count; i++, stacked++) {
                 stack[stacked].t_enter = t_enter[slots[i]];
                 stack[stacked].link = LOAD_LINK(geometry, node, slots[i]);
@@ -122,7 +121,7 @@ void traverse_bvh8_packet(GEOMETRY_PARAMETERS, const RayPacket* p, const RayRang
             LeafTriangles triangles;
             (void)load_triangles(GEOMETRY, range, 0, 1u, first / 8u, &triangles);
             for (uint i = 0; i < count; i++)
-                (void)test_with_packet(GEOMETRY, p, &triangles, i, first + i, any_hit, &t_limit, hits, undecided_lanes);
+                (void)test_with_packet(GEOMETRY, p, &triangles, first + i, any_hit, hits);
         }
     }
 }

@@ -24,10 +24,19 @@ typedef struct {
     REAL t_low, t_high; // the limits
 } LANES(Decision);
 
-// The bounds: of the weights, of D and of T. Nothing but `possible` is written where that is nowhere.
-LANES(Decision)
-LANES(decide)(REAL ax, REAL ay, REAL az, REAL dx, REAL dy, REAL dz, REAL e1x, REAL e1y, REAL e1z, REAL e2x, REAL e2y,
-              REAL e2z, REAL nx, REAL ny, REAL nz, REAL weight_bound, REAL det_bound, REAL t_bound) {
+// What is of the triangles alone; the bounds of the weights, of D and of T are for all rays that it is asked about.
+typedef struct {
+    REAL e1[3], e2[3], n[3];
+    REAL weight_bound, det_bound, t_bound;
+} LANES(DecideTriangle);
+
+// Nothing but `possible` is written where that is nowhere.
+LANES(Decision) LANES(decide)(const REAL* a, const REAL* direction, const LANES(DecideTriangle)* triangle) {
+    const REAL ax = a[0], ay = a[1], az = a[2], dx = direction[0], dy = direction[1], dz = direction[2];
+    const REAL e1x = triangle->e1[0], e1y = triangle->e1[1], e1z = triangle->e1[2];
+    const REAL e2x = triangle->e2[0], e2y = triangle->e2[1], e2z = triangle->e2[2];
+    const REAL nx = triangle->n[0], ny = triangle->n[1], nz = triangle->n[2];
+    const REAL weight_bound = triangle->weight_bound, det_bound = triangle->det_bound;
     LANES(Decision) result;
     const REAL cx = fma(ay, dz, -(az * dy)), cy = fma(az, dx, -(ax * dz)), cz = fma(ax, dy, -(ay * dx));
     const REAL weight1 = fma(e2x, cx, fma(e2y, cy, e2z * cz));
@@ -46,7 +55,7 @@ LANES(decide)(REAL ax, REAL ay, REAL az, REAL dx, REAL dy, REAL dz, REAL e1x, RE
     result.sure = result.has_t && (least > weight_bound || greatest < -weight_bound);
     const REAL inv_det = 1.0f / det;
     const REAL t = fma(nx, ax, fma(ny, ay, nz * az)) * inv_det;
-    const REAL error = fma(1.4f * fabs(inv_det), fma(fabs(t), det_bound, t_bound), 8.0f * EPSILON * fabs(t));
+    const REAL error = fma(1.4f * fabs(inv_det), fma(fabs(t), det_bound, triangle->t_bound), 8.0f * EPSILON * fabs(t));
     result.t_low = t - error;
     result.t_high = t + error;
     return result;

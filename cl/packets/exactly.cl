@@ -3,18 +3,18 @@
 
 // In each lane one triangle.
 typedef struct {
-    float8 a[3], e1[3], e2[3], n[3];
-    float8 weight_bound, det_bound, t_bound;
+    float8 a[3]; // the first corners
+    DecideTriangle8 rest;
 } LeafTriangles_exactly;
 
-// All of the triangles that `a` does not tell, for rays whose magnitudes of decide.cl are no more than these: how far
-// the first corners are from their origins, and their directions.
-void prepare_triangles(LeafTriangles_exactly* l, const float8* b, const float8* c, float8 ax, float8 ay, float8 az,
-                       float8 dx, float8 dy, float8 dz) {
+// Triangles abc for rays whose magnitudes of decide.cl are no more than these: how far `a` is from their origins, and
+// their directions.
+void prepare_triangles(const float8* a, const float8* b, const float8* c, const float8* from, const float8* direction,
+                       DecideTriangle8* l) {
 #pragma unroll
     for (uint axis = 0; axis < 3u; axis++) {
-        l->e1[axis] = b[axis] - l->a[axis];
-        l->e2[axis] = c[axis] - l->a[axis];
+        l->e1[axis] = b[axis] - a[axis];
+        l->e2[axis] = c[axis] - a[axis];
     }
     l->n[0] = fma(l->e1[1], l->e2[2], -(l->e1[2] * l->e2[1]));
     l->n[1] = fma(l->e1[2], l->e2[0], -(l->e1[0] * l->e2[2]));
@@ -22,6 +22,8 @@ void prepare_triangles(LeafTriangles_exactly* l, const float8* b, const float8* 
 
     const float8 e1x = fabs(l->e1[0]), e1y = fabs(l->e1[1]), e1z = fabs(l->e1[2]);
     const float8 e2x = fabs(l->e2[0]), e2y = fabs(l->e2[1]), e2z = fabs(l->e2[2]);
+    const float8 ax = from[0], ay = from[1], az = from[2];
+    const float8 dx = direction[0], dy = direction[1], dz = direction[2];
     const float8 px = fma(ay, dz, az * dy), py = fma(az, dx, ax * dz), pz = fma(ax, dy, ay * dx);
     const float8 q = fma(e1x + e2x, px, fma(e1y + e2y, py, (e1z + e2z) * pz)); // Q1 + Q2
     const float8 mx = fma(e1y, e2z, e1z * e2y), my = fma(e1z, e2x, e1x * e2z), mz = fma(e1x, e2y, e1y * e2x);
@@ -41,28 +43,33 @@ ulong load_triangles_exactly(GEOMETRY_PARAMETERS, const RayRange* range, const F
     load_corners(GEOMETRY, packet, l->a, b, c);
     const ulong met = met_by_frusta(frusta, members, l->a, b, c);
     if (met == 0ul) return met;
-    const float8 ax = farthest8(l->a[0], range->origin_least[0], range->origin_greatest[0]) + range->low_most[0];
-    const float8 ay = farthest8(l->a[1], range->origin_least[1], range->origin_greatest[1]) + range->low_most[1];
-    const float8 az = farthest8(l->a[2], range->origin_least[2], range->origin_greatest[2]) + range->low_most[2];
-    prepare_triangles(l, b, c, ax, ay, az, (float8)(range->steepest[0]), (float8)(range->steepest[1]),
-                      (float8)(range->steepest[2]));
+    float8 from[3], direction[3];
+#pragma unroll
+    for (uint axis = 0; axis < 3u; axis++) {
+        from[axis] = farthest8(l->a[axis], range->origin_least[axis], range->origin_greatest[axis]);
+        from[axis] += range->low_most[axis];
+        direction[axis] = (float8)(range->steepest[axis]);
+    }
+    prepare_triangles(l->a, b, c, from, direction, &l->rest);
     return met;
 }
 
 // The nearest hit so far of each lane: limits of its t, both t_far where there is none. And what each lane has put
 // aside until the traversal is done: the references of triangles that float32 and double do not decide.
 typedef struct {
+    float16 t_limit; // up to which t a lane looks for a hit: nowhere where that is -infinity
     float16 t_high, t_low;
     uint16 reference, primitive; // NO_PRIMITIVE where there is none
-    uint16 postponed;            // how many
+    int16 undecided_lanes;
+    uint16 postponed; // how many
     uint postponed_references[16][MAX_POSTPONED];
 } PacketHits_exactly;
 
-void start_packet_exactly(const RayPacket* p, PacketHits_exactly* hits, int16* undecided_lanes) {
-    hits->t_high = hits->t_low = p->t_far;
+void start_packet_exactly(const RayPacket* p, PacketHits_exactly* hits) {
+    hits->t_limit = hits->t_high = hits->t_low = p->t_far;
     hits->reference = hits->primitive = (uint16)(NO_PRIMITIVE);
     hits->postponed = (uint16)(0u);
-    *undecided_lanes = (int16)(0);
+    hits->undecided_lanes = (int16)(0);
 }
 
 // Puts a triangle aside for one lane. False if it is one too many, or nothing is deferred: then settle_lane_exactly()
@@ -78,27 +85,25 @@ bool postpone_for_lane(uint* postponed, uint* listed, uint reference) {
 }
 
 // The same for lanes. Those that cannot have it put aside are undecided, and end.
-void postpone_for_lanes(PacketHits_exactly* hits, uint reference, int16 is_deferred, float16* t_limit,
-                        int16* undecided_lanes) {
+void postpone_for_lanes(PacketHits_exactly* hits, uint reference, int16 is_deferred) {
     for (ulong lanes = lanes_where16(is_deferred); lanes != 0ul; lanes = other_lanes8(lanes)) {
         const uint lane = first_lane16(lanes);
         if (postpone_for_lane(&((uint*)&hits->postponed)[lane], hits->postponed_references[lane], reference)) continue;
-        set_lane16(t_limit, lane, -INFINITY);
-        ((int*)undecided_lanes)[lane] = -1;
+        set_lane16(&hits->t_limit, lane, -INFINITY);
+        ((int*)&hits->undecided_lanes)[lane] = -1;
     }
 }
 
 // The lanes, of those that are not undecided, whose answer waits for triangles that are put aside: with any_hit those
 // without a hit.
-ulong unsettled_lanes_exactly(const PacketHits_exactly* hits, const bool any_hit, int16 undecided_lanes) {
-    const int16 waits = hits->postponed != 0u && !undecided_lanes;
+ulong unsettled_lanes_exactly(const PacketHits_exactly* hits, const bool any_hit) {
+    const int16 waits = hits->postponed != 0u && !hits->undecided_lanes;
     return lanes_where16(any_hit ? waits && hits->primitive == NO_PRIMITIVE : waits);
 }
 
 // Decides about these triangles of one lane, whose ray that is; or, where that takes exact integers, adds it to
-// *undecided_lanes.
-void settle_lane_exactly(GEOMETRY_PARAMETERS, const Ray* ray, uint lane, const bool any_hit, PacketHits_exactly* hits,
-                         int16* undecided_lanes) {
+// the undecided lanes.
+void settle_lane_exactly(GEOMETRY_PARAMETERS, const Ray* ray, uint lane, const bool any_hit, PacketHits_exactly* hits) {
     uint* primitive = &((uint*)&hits->primitive)[lane];
     const uint* listed = hits->postponed_references[lane];
     const uint count = ((const uint*)&hits->postponed)[lane];
@@ -106,7 +111,7 @@ void settle_lane_exactly(GEOMETRY_PARAMETERS, const Ray* ray, uint lane, const b
     for (uint i = 0; i < count; i++) (void)postpone(geometry, LOAD_REFERENCE(geometry, listed[i]));
     const bool is_other = settle_exactly(GEOMETRY, ray, any_hit, &hit);
     if (FORGET_DEFERRED(geometry)) {
-        ((int*)undecided_lanes)[lane] = -1;
+        ((int*)&hits->undecided_lanes)[lane] = -1;
         return;
     }
     if (!is_other) return;
@@ -119,39 +124,39 @@ void settle_lane_exactly(GEOMETRY_PARAMETERS, const Ray* ray, uint lane, const b
 }
 
 // The lanes of `lanes` that may hit a triangle of that decision within their limits.
-int16 open_lanes(const RayPacket* p, const Decision16* d, int16 lanes, const float16* t_limit) {
-    return lanes && d->possible && !(d->has_t && (d->t_high < p->t_near || d->t_low > *t_limit));
+int16 open_lanes(const RayPacket* p, const Decision16* d, int16 lanes, const PacketHits_exactly* hits) {
+    return lanes && d->possible && !(d->has_t && (d->t_high < p->t_near || d->t_low > hits->t_limit));
 }
 
 // Takes a triangle as the hit of those of `open` that surely hit it, and before theirs. Returns the others.
 int16 take_sure_hits(const RayPacket* p, const Decision16* d, int16 open, uint reference, uint primitive,
-                     const bool any_hit, float16* t_limit, PacketHits_exactly* hits) {
+                     const bool any_hit, PacketHits_exactly* hits) {
     const int16 taken = open && d->sure && d->t_low > p->t_near && d->t_high < hits->t_low;
     hits->t_high = taken ? d->t_high : hits->t_high;
     hits->t_low = taken ? d->t_low : hits->t_low;
     hits->reference = taken ? (uint16)(reference) : hits->reference;
     hits->primitive = taken ? (uint16)(primitive) : hits->primitive;
-    *t_limit = taken ? any_hit ? (float16)(-INFINITY) : d->t_high : *t_limit;
+    hits->t_limit = taken ? any_hit ? (float16)(-INFINITY) : d->t_high : hits->t_limit;
     return open && !taken;
 }
 
 #ifdef EXTENDED_IS_DOUBLE
 #define HALF(vector) (part == 0u ? (vector).lo : (vector).hi)
-// decide_closely8() for a packet whose origins have no second part, and one triangle.
-Decision16 decide_closely16(GEOMETRY_PARAMETERS, const RayPacket* p, uint reference, float weight_bound,
-                            float det_bound, float t_bound) {
+// decide_closely8() for a packet whose origins have no second part, and that triangle.
+Decision16 decide_closely16(GEOMETRY_PARAMETERS, const RayPacket* p, const LeafTriangles_exactly* l, uint reference) {
     float8 corners[9];
-    const uint record = BVH8_PACKET_RECORDS * (reference / 8u);
+    const uint record = BVH8_PACKET_RECORDS * (reference / 8u), lane = reference % 8u;
 #pragma unroll
-    for (uint i = 0; i < 9u; i++)
-        corners[i] = (float8)(LOAD_PACKET_LANE(geometry, record + 2u * i, reference % 8u));
+    for (uint i = 0; i < 9u; i++) corners[i] = (float8)(LOAD_PACKET_LANE(geometry, record + 2u * i, lane));
+    const float8 weight_bound = (float8)(lane_of8(&l->rest.weight_bound, lane));
+    const float8 det_bound = (float8)(lane_of8(&l->rest.det_bound, lane));
+    const float8 t_bound = (float8)(lane_of8(&l->rest.t_bound, lane));
     Decision8 d[2];
 #pragma unroll
     for (uint part = 0; part < 2u; part++) {
         const float8 origin[3] = {HALF(p->origin[0]), HALF(p->origin[1]), HALF(p->origin[2])};
         const float8 direction[3] = {HALF(p->direction[0]), HALF(p->direction[1]), HALF(p->direction[2])};
-        d[part] = decide_closely8(origin, direction, corners, (float8)(weight_bound), (float8)(det_bound),
-                                  (float8)(t_bound));
+        d[part] = decide_closely8(origin, direction, corners, weight_bound, det_bound, t_bound);
     }
     const Decision16 result = {
         (int16)(d[0].possible, d[1].possible), (int16)(d[0].has_t, d[1].has_t), (int16)(d[0].sure, d[1].sure),
@@ -161,42 +166,46 @@ Decision16 decide_closely16(GEOMETRY_PARAMETERS, const RayPacket* p, uint refere
 #undef HALF
 #endif
 
-// What becomes of lanes for which float32 does not decide about the triangle in lane i: twice the precision does, or it
-// is put aside for them.
-RARE void test_closely(GEOMETRY_PARAMETERS, const RayPacket* p, const LeafTriangles_exactly* l, uint i, uint reference,
-                       uint primitive, const bool any_hit, int16 open, float16* t_limit, PacketHits_exactly* hits,
-                       int16* undecided_lanes) {
+// What becomes of the lanes `open`, for which float32 does not decide about that triangle: twice the precision does, or
+// it is put aside for them.
+RARE void test_closely(GEOMETRY_PARAMETERS, const RayPacket* p, const LeafTriangles_exactly* l, uint reference,
+                       const bool any_hit, int16 open, PacketHits_exactly* hits) {
 #ifdef EXTENDED_IS_DOUBLE
     if (!p->has_low) {
-        const Decision16 d = decide_closely16(GEOMETRY, p, reference, lane_of8(&l->weight_bound, i),
-                                              lane_of8(&l->det_bound, i), lane_of8(&l->t_bound, i));
-        open = open_lanes(p, &d, open, t_limit);
-        open = take_sure_hits(p, &d, open, reference, primitive, any_hit, t_limit, hits);
+        const Decision16 d = decide_closely16(GEOMETRY, p, l, reference);
+        open = open_lanes(p, &d, open, hits);
+        open = take_sure_hits(p, &d, open, reference, LOAD_REFERENCE(geometry, reference), any_hit, hits);
     }
 #endif
-    postpone_for_lanes(hits, reference, open, t_limit, undecided_lanes);
+    postpone_for_lanes(hits, reference, open);
 }
 
-// What the triangle in lane i, of that reference, makes of the hits. `t_limit`: up to which t a lane looks for one;
-// none where that is -infinity. What float32 does not decide is put aside. Whether anything was open.
-bool test_with_packet_exactly(GEOMETRY_PARAMETERS, const RayPacket* p, const LeafTriangles_exactly* l, uint i,
-                              uint reference, const bool any_hit, float16* t_limit, PacketHits_exactly* hits,
-                              int16* undecided_lanes) {
-#define OF_TRIANGLE(member) ((float16)(lane_of8(&l->member, i)))
-    const Decision16 d =
-        decide16(from_origins(p, 0u, OF_TRIANGLE(a[0])), from_origins(p, 1u, OF_TRIANGLE(a[1])),
-                 from_origins(p, 2u, OF_TRIANGLE(a[2])), p->direction[0], p->direction[1], p->direction[2],
-                 OF_TRIANGLE(e1[0]), OF_TRIANGLE(e1[1]), OF_TRIANGLE(e1[2]), OF_TRIANGLE(e2[0]), OF_TRIANGLE(e2[1]),
-                 OF_TRIANGLE(e2[2]), OF_TRIANGLE(n[0]), OF_TRIANGLE(n[1]), OF_TRIANGLE(n[2]), OF_TRIANGLE(weight_bound),
-                 OF_TRIANGLE(det_bound), OF_TRIANGLE(t_bound));
+// What the triangle of that reference, one of eight, makes of the hits. What float32 does not decide is put aside.
+// Whether anything was open.
+bool test_with_packet_exactly(GEOMETRY_PARAMETERS, const RayPacket* p, const LeafTriangles_exactly* l, uint reference,
+                              const bool any_hit, PacketHits_exactly* hits) {
+#define OF_TRIANGLE(member) ((float16)(lane_of8(&l->member, reference % 8u)))
+    float16 a[3];
+    DecideTriangle16 triangle;
+#pragma unroll
+    for (uint axis = 0; axis < 3u; axis++) {
+        a[axis] = from_origins(p, axis, OF_TRIANGLE(a[axis]));
+        triangle.e1[axis] = OF_TRIANGLE(rest.e1[axis]);
+        triangle.e2[axis] = OF_TRIANGLE(rest.e2[axis]);
+        triangle.n[axis] = OF_TRIANGLE(rest.n[axis]);
+    }
+    triangle.weight_bound = OF_TRIANGLE(rest.weight_bound);
+    triangle.det_bound = OF_TRIANGLE(rest.det_bound);
+    triangle.t_bound = OF_TRIANGLE(rest.t_bound);
 #undef OF_TRIANGLE
+    const Decision16 d = decide16(a, p->direction, &triangle);
     if (!is_any16(d.possible)) return false;
     const uint primitive = LOAD_REFERENCE(geometry, reference);
     // The hit so far may be met again in another leaf.
     const int16 open =
-        open_lanes(p, &d, p->skip != primitive && hits->primitive != primitive && *t_limit >= p->t_near, t_limit);
-    const int16 others = take_sure_hits(p, &d, open, reference, primitive, any_hit, t_limit, hits);
+        open_lanes(p, &d, p->skip != primitive && hits->primitive != primitive && hits->t_limit >= p->t_near, hits);
+    const int16 others = take_sure_hits(p, &d, open, reference, primitive, any_hit, hits);
     if (is_any16(others))
-        test_closely(GEOMETRY, p, l, i, reference, primitive, any_hit, others, t_limit, hits, undecided_lanes);
+        test_closely(GEOMETRY, p, l, reference, any_hit, others, hits);
     return is_any16(open);
 }

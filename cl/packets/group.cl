@@ -12,11 +12,11 @@ typedef struct {
     float nearest;
 } GroupChild;
 
-// Of each child of a node which of the packets of `members` meet it: bit k of byte i. Where it begins, in *nearest.
-// `reach`: how far each packet still looks for hits. A line's least value within a box is at one of the box's ends
-// along z.
-ulong clip_to_frusta(GEOMETRY_PARAMETERS, RayPacket* packets, const PacketRange* range, const Frustum* frusta,
-                     uint members, uint node, float4 reach, const float16* t_limits, float8* nearest) {
+// Of each child of a node the packets of `members` whose frusta meet it: bit k of byte i; of these, in *broad, those of
+// which that tells little. Where it begins, in *nearest. `reach`: how far each packet still looks for hits. A line's
+// least value within a box is at one of the box's ends along z.
+ulong clip_to_frusta(GEOMETRY_PARAMETERS, const Frustum* frusta, uint members, uint node, float4 reach, ulong* broad,
+                     float8* nearest) {
     const Frustum* one = &frusta[first_member(members)];
     const uint u = node + 4u * one->u, v = node + 4u * one->v, z = node + 4u * one->z;
     const float8 low_u = LOAD_EIGHT(geometry, u), high_u = LOAD_EIGHT(geometry, u + 2u);
@@ -27,7 +27,8 @@ ulong clip_to_frusta(GEOMETRY_PARAMETERS, RayPacket* packets, const PacketRange*
     // The boxes of children that there are not are upside down.
     const int8 is_there = low_z <= high_z && last >= one->first_start - one->padding,
                is_early = first < one->last_start - one->padding;
-    ulong met = 0ul, broad = 0ul;
+    ulong met = 0ul;
+    *broad = 0ul;
     for (uint rest = members; rest != 0u; rest &= rest - 1u) {
         const uint k = first_member(rest);
         const Frustum* f = &frusta[k];
@@ -39,15 +40,23 @@ ulong clip_to_frusta(GEOMETRY_PARAMETERS, RayPacket* packets, const PacketRange*
                             above_v >= low_v && first <= ((const float*)&reach)[k];
         const int8 is_broad = is_met && (is_early || above_u - below_u > small_u || above_v - below_v > small_v);
         met |= lanes_where8(is_met) << k;
-        broad |= lanes_where8(is_broad) << k;
-    }
-    for (; broad != 0ul; broad = other_lanes8(broad)) {
-        const uint bit = lowest_bit(broad), k = bit % 8u;
-        if (!packets[k].has_slabs) add_slabs(&packets[k], range, geometry->low, geometry->high, geometry->near_reach);
-        if (!is_any16(clip_packet(GEOMETRY, &packets[k], node, bit / 8u, t_limits[k]) < INFINITY)) met &= ~(1ul << bit);
+        *broad |= lanes_where8(is_broad) << k;
     }
     *nearest = first;
     return met;
+}
+
+// Those of `broad` of which no ray meets the child's box.
+ulong missed_by_rays(GEOMETRY_PARAMETERS, RayPacket* packets, const PacketRange* range, uint node, ulong broad,
+                     const PacketHits* hits) {
+    ulong missed = 0ul;
+    for (; broad != 0ul; broad = other_lanes8(broad)) {
+        const uint bit = lowest_bit(broad), k = bit % 8u;
+        RayPacket* p = &packets[k];
+        if (!p->has_slabs) add_slabs(p, range, geometry->low, geometry->high, geometry->near_reach);
+        if (!is_any16(clip_packet(GEOMETRY, p, node, bit / 8u, hits[k].t_limit) < INFINITY)) missed |= 1ul << bit;
+    }
+    return missed;
 }
 
 // How far packets still look for hits is one vector: PACKETS_OF_ITEM lanes.
@@ -65,14 +74,12 @@ uint members_within(uint members, float nearest, float4 reach) {
 // The hits of the packets of `members`, of that range, as traverse_bvh8_packet() finds them. Their frusta go the same
 // way.
 void traverse_bvh8_group(GEOMETRY_PARAMETERS, RayPacket* packets, const PacketRange* range, const Frustum* frusta,
-                         const uint members, const bool any_hit, PacketHits* hits, int16* undecided_lanes) {
-    float16 t_limits[PACKETS_OF_ITEM];
+                         const uint members, const bool any_hit, PacketHits* hits) {
     float4 reach = (float4)(-INFINITY);
     for (uint rest = members; rest != 0u; rest &= rest - 1u) {
         const uint k = first_member(rest);
-        start_packet(&packets[k], &hits[k], &undecided_lanes[k]);
-        t_limits[k] = packets[k].t_far;
-        reach = with_reach(reach, k, reach_along(&packets[k], &frusta[k], t_limits[k]));
+        start_packet(&packets[k], &hits[k]);
+        reach = with_reach(reach, k, reach_along(&packets[k], &frusta[k], hits[k].t_limit));
     }
 
     GroupChild stack[STACK_SIZE];
@@ -80,8 +87,10 @@ void traverse_bvh8_group(GEOMETRY_PARAMETERS, RayPacket* packets, const PacketRa
     while (true) {
         if ((link & BVH_LEAF) == 0u) {
             const uint node = BVH8_NODE_RECORDS * link;
+            ulong broad;
             float8 nearest;
-            ulong met = clip_to_frusta(GEOMETRY, packets, range, frusta, open, node, reach, t_limits, &nearest);
+            ulong met = clip_to_frusta(GEOMETRY, frusta, open, node, reach, &broad, &nearest);
+            met &= ~missed_by_rays(GEOMETRY, packets, range, node, broad, hits);
             if (met != 0ul) { // the most frequent case needs no stack
                 const uint slot = first_lane8(met);
                 const ulong others = met & ~(0xfful << (8u * slot));
@@ -112,14 +121,13 @@ void traverse_bvh8_group(GEOMETRY_PARAMETERS, RayPacket* packets, const PacketRa
                     load_triangles(GEOMETRY, &range->rays, frusta, open, first / 8u, &triangles) & FIRST_BYTES8(count);
                 for (; met != 0ul; met = other_lanes8(met)) {
                     const uint bit = lowest_bit(met), k = bit % 8u, i = bit / 8u;
-                    if (test_with_packet(GEOMETRY, &packets[k], &triangles, i, first + i, any_hit, &t_limits[k],
-                                         &hits[k], &undecided_lanes[k]))
+                    if (test_with_packet(GEOMETRY, &packets[k], &triangles, first + i, any_hit, &hits[k]))
                         changed |= 1u << k;
                 }
             }
             for (; changed != 0u; changed &= changed - 1u) {
                 const uint k = first_member(changed);
-                reach = with_reach(reach, k, reach_along(&packets[k], &frusta[k], t_limits[k]));
+                reach = with_reach(reach, k, reach_along(&packets[k], &frusta[k], hits[k].t_limit));
             }
         }
         do {
@@ -146,7 +154,7 @@ bool first_rays_go_one_way(const RayPacket* packets, uint members) {
 // The hits of the packets of `members` by whatever suits them: together if they all go much the same way, else one by
 // one. A packet by itself is faster without a frustum, which tells it little that its rays do not.
 void traverse_bvh8_packets(GEOMETRY_PARAMETERS, RayPacket* packets, const uint members, const bool any_hit,
-                           PacketHits* hits, int16* undecided_lanes) {
+                           PacketHits* hits) {
     PacketRange range;
     const bool are_several = members >> first_member(members) != 1u;
     if (are_several && first_rays_go_one_way(packets, members)) {
@@ -155,7 +163,7 @@ void traverse_bvh8_packets(GEOMETRY_PARAMETERS, RayPacket* packets, const uint m
         // The padding of frusta is for all of the scene, however far out the rest is.
         if (geometry->near_reach == 0.0f &&
             make_frusta(packets, members, &range, geometry->low, geometry->high, frusta)) {
-            traverse_bvh8_group(GEOMETRY, packets, &range, frusta, members, any_hit, hits, undecided_lanes);
+            traverse_bvh8_group(GEOMETRY, packets, &range, frusta, members, any_hit, hits);
             return;
         }
     }
@@ -163,6 +171,6 @@ void traverse_bvh8_packets(GEOMETRY_PARAMETERS, RayPacket* packets, const uint m
         const uint k = first_member(rest);
         range_of(packets, 1u << k, &range);
         add_slabs(&packets[k], &range, geometry->low, geometry->high, geometry->near_reach);
-        traverse_bvh8_packet(GEOMETRY, &packets[k], &range.rays, any_hit, &hits[k], &undecided_lanes[k]);
+        traverse_bvh8_packet(GEOMETRY, &packets[k], &range.rays, any_hit, &hits[k]);
     }
 }

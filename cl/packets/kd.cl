@@ -17,8 +17,8 @@ typedef struct {
 
 // Goes on with one ray of a packet in a cell.
 void trace_single_ray_in_cell(GEOMETRY_PARAMETERS, const RayPacket* p, uint lane, KdCell cell, const bool any_hit,
-                              float16* t_limits, PacketHits* hits, int16* undecided_lanes) {
-    SingleRay ray = take_single_ray(p, lane, t_limits, hits);
+                              PacketHits* hits) {
+    SingleRay ray = take_single_ray(p, lane, hits);
     const float inv[3] = {ray.slabs.inv.x, ray.slabs.inv.y, ray.slabs.inv.z};
     const float enter[3] = {ray.slabs.enter.x, ray.slabs.enter.y, ray.slabs.enter.z};
     const float leave[3] = {ray.slabs.leave.x, ray.slabs.leave.y, ray.slabs.leave.z};
@@ -56,7 +56,7 @@ void trace_single_ray_in_cell(GEOMETRY_PARAMETERS, const RayPacket* p, uint lane
             else cell = stack[--stacked];
         } while (!is_done && ray.t_limit < cell.t_near);
     }
-    put_back(&ray, lane, any_hit, t_limits, hits, undecided_lanes);
+    put_back(&ray, lane, any_hit, hits);
 }
 
 // Where the rays of a packet go on both sides of a plane.
@@ -171,18 +171,16 @@ int4 descend_together(GEOMETRY_PARAMETERS, const RayPacket* packets, uint* membe
 // The hits of the packets of `members`, which have slabs and are of that range, as traverse_bvh8_packet() finds them.
 // `frusta` leave out triangles: 0 where there are none.
 void traverse_kd_group(GEOMETRY_PARAMETERS, const RayPacket* packets, const RayRange* range, const Frustum* frusta,
-                       const uint members, const bool any_hit, PacketHits* hits, int16* undecided_lanes) {
+                       const uint members, const bool any_hit, PacketHits* hits) {
     const float lows[3] = {geometry->low.x, geometry->low.y, geometry->low.z};
     const float highs[3] = {geometry->high.x, geometry->high.y, geometry->high.z};
-    float16 t_limits[PACKETS_OF_ITEM];
     KdGroupCell stack[STACK_SIZE];
     stack[0].node = 0u;
     stack[0].members = members;
     for (uint rest = members; rest != 0u; rest &= rest - 1u) {
         const uint k = first_member(rest);
         const RayPacket* p = &packets[k];
-        start_packet(p, &hits[k], &undecided_lanes[k]);
-        t_limits[k] = p->t_far;
+        start_packet(p, &hits[k]);
         float16 t_near = p->t_near, t_far = p->t_far;
 #pragma unroll
         for (uint axis = 0; axis < 3u; axis++) {
@@ -203,7 +201,7 @@ void traverse_kd_group(GEOMETRY_PARAMETERS, const RayPacket* packets, const RayR
         uint count = 0u, open = 0u;
         for (uint rest = cell->members; rest != 0u; rest &= rest - 1u) {
             const uint k = first_member(rest);
-            lanes[k] = lanes_where16(cell->t_near[k] <= smaller16(cell->t_far[k], t_limits[k]));
+            lanes[k] = lanes_where16(cell->t_near[k] <= smaller16(cell->t_far[k], hits[k].t_limit));
             count += count_lanes16(lanes[k]);
             open |= (lanes[k] != 0ul ? 1u : 0u) << k;
         }
@@ -214,8 +212,7 @@ void traverse_kd_group(GEOMETRY_PARAMETERS, const RayPacket* packets, const RayR
                     const uint lane = first_lane16(rest);
                     const KdCell of_lane = {cell->node, lane_of16(&cell->t_near[k], lane),
                                             lane_of16(&cell->t_far[k], lane)};
-                    trace_single_ray_in_cell(GEOMETRY, &packets[k], lane, of_lane, any_hit, &t_limits[k], &hits[k],
-                                             &undecided_lanes[k]);
+                    trace_single_ray_in_cell(GEOMETRY, &packets[k], lane, of_lane, any_hit, &hits[k]);
                 }
             }
             continue;
@@ -225,14 +222,14 @@ void traverse_kd_group(GEOMETRY_PARAMETERS, const RayPacket* packets, const RayR
         // Not a test of open & (open - 1), of which compilers make the popcount() that Oclgrind does not know.
         if (open >> one == 1u) {
             leaf = descend_with_one(GEOMETRY, packets, one, cell->node, cell->t_near[one],
-                                    smaller16(cell->t_far[one], t_limits[one]), stack, &stacked);
+                                    smaller16(cell->t_far[one], hits[one].t_limit), stack, &stacked);
         } else {
             KdGroupCell from;
             from.node = cell->node;
             for (uint rest = open; rest != 0u; rest &= rest - 1u) {
                 const uint k = first_member(rest);
                 from.t_near[k] = cell->t_near[k];
-                from.t_far[k] = smaller16(cell->t_far[k], t_limits[k]);
+                from.t_far[k] = smaller16(cell->t_far[k], hits[k].t_limit);
             }
             leaf = descend_together(GEOMETRY, packets, &open, &from, stack, &stacked);
         }
@@ -244,8 +241,7 @@ void traverse_kd_group(GEOMETRY_PARAMETERS, const RayPacket* packets, const RayR
                 load_triangles(GEOMETRY, range, frusta, open, (first + done) / 8u, &triangles) & FIRST_BYTES8(here);
             for (; met != 0ul; met = other_lanes8(met)) {
                 const uint bit = lowest_bit(met), k = bit % 8u, i = bit / 8u;
-                (void)test_with_packet(GEOMETRY, &packets[k], &triangles, i, first + done + i, any_hit, &t_limits[k],
-                                       &hits[k], &undecided_lanes[k]);
+                (void)test_with_packet(GEOMETRY, &packets[k], &triangles, first + done + i, any_hit, &hits[k]);
             }
         }
     }
@@ -253,12 +249,12 @@ void traverse_kd_group(GEOMETRY_PARAMETERS, const RayPacket* packets, const RayR
 
 // As traverse_bvh8_packets(), but all packets go together, whatever way: each step is that of a plane.
 void traverse_kd_packets(GEOMETRY_PARAMETERS, RayPacket* packets, const uint members, const bool any_hit,
-                         PacketHits* hits, int16* undecided_lanes) {
+                         PacketHits* hits) {
     PacketRange range;
     range_of(packets, members, &range);
     Frustum frusta[PACKETS_OF_ITEM];
     const bool has_frusta = make_frusta(packets, members, &range, geometry->low, geometry->high, frusta);
     for (uint rest = members; rest != 0u; rest &= rest - 1u)
         add_slabs(&packets[first_member(rest)], &range, geometry->low, geometry->high, geometry->near_reach);
-    traverse_kd_group(GEOMETRY, packets, &range.rays, has_frusta ? frusta : 0, members, any_hit, hits, undecided_lanes);
+    traverse_kd_group(GEOMETRY, packets, &range.rays, has_frusta ? frusta : 0, members, any_hit, hits);
 }

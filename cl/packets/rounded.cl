@@ -11,17 +11,19 @@
 
 // The nearest hit so far of each lane; t is t_far where there is none.
 typedef struct {
+    float16 t_limit; // up to which t a lane looks for a hit: nowhere where that is -infinity
     float16 t, u, v;
     uint16 primitive;
+    int16 undecided_lanes; // none
     PacketShears shears;
 } PacketHits_rounded;
 
-void start_packet_rounded(const RayPacket* p, PacketHits_rounded* hits, int16* undecided_lanes) {
-    hits->t = p->t_far;
+void start_packet_rounded(const RayPacket* p, PacketHits_rounded* hits) {
+    hits->t_limit = hits->t = p->t_far;
     hits->u = hits->v = (float16)(0.0f);
     hits->primitive = (uint16)(NO_PRIMITIVE);
     JOIN(rays_of_, PACKET_TEST)(p, &hits->shears);
-    *undecided_lanes = (int16)(0);
+    hits->undecided_lanes = (int16)(0);
 }
 
 // Reads packet number `packet`.
@@ -33,28 +35,27 @@ ulong load_triangles_rounded(GEOMETRY_PARAMETERS, const RayRange* range, const F
     return met;
 }
 
-bool test_with_packet_rounded(GEOMETRY_PARAMETERS, const RayPacket* p, const LeafTriangles_rounded* l, uint i,
-                              uint reference, const bool any_hit, float16* t_limit, PacketHits_rounded* hits,
-                              int16* undecided_lanes) {
+bool test_with_packet_rounded(GEOMETRY_PARAMETERS, const RayPacket* p, const LeafTriangles_rounded* l, uint reference,
+                              const bool any_hit, PacketHits_rounded* hits) {
     float16 t, u, v;
-    const int16 met = JOIN(sixteen_, PACKET_TEST)(p, &hits->shears, l, i, &t, &u, &v);
+    const int16 met = JOIN(sixteen_, PACKET_TEST)(p, &hits->shears, l, reference % 8u, &t, &u, &v);
     if (!is_any16(met)) return false;
     const uint primitive = LOAD_REFERENCE(geometry, reference);
-    // is_nearer(); t_limit is -infinity where any hit will do and there is one.
+    // is_nearer()
     const int16 taken = met && p->skip != primitive && t >= p->t_near &&
-                        (t < *t_limit || (t == *t_limit && primitive < hits->primitive));
+                        (t < hits->t_limit || (t == hits->t_limit && primitive < hits->primitive));
     if (!is_any16(taken)) return false;
     hits->t = taken ? t : hits->t;
     hits->u = taken ? u : hits->u;
     hits->v = taken ? v : hits->v;
     hits->primitive = taken ? (uint16)(primitive) : hits->primitive;
-    *t_limit = taken ? any_hit ? (float16)(-INFINITY) : t : *t_limit;
+    hits->t_limit = taken ? any_hit ? (float16)(-INFINITY) : t : hits->t_limit;
     return true;
 }
 
-ulong unsettled_lanes_rounded(const PacketHits_rounded* hits, const bool any_hit, int16 undecided_lanes) { return 0ul; }
-void settle_lane_rounded(GEOMETRY_PARAMETERS, const Ray* ray, uint lane, const bool any_hit, PacketHits_rounded* hits,
-                         int16* undecided_lanes) {}
+ulong unsettled_lanes_rounded(const PacketHits_rounded* hits, const bool any_hit) { return 0ul; }
+void settle_lane_rounded(GEOMETRY_PARAMETERS, const Ray* ray, uint lane, const bool any_hit, PacketHits_rounded* hits) {
+}
 
 int16 finish_packet_rounded(GEOMETRY_PARAMETERS, const RayPacket* p, const PacketHits_rounded* hits, const bool any_hit,
                             FinishedHits* out) {
@@ -69,8 +70,7 @@ bool finish_lane_rounded(GEOMETRY_PARAMETERS, const Ray* ray, uint lane, const P
     return false;
 }
 
-SingleRay_rounded take_single_ray_rounded(const RayPacket* p, uint lane, const float16* t_limits,
-                                          PacketHits_rounded* hits) {
+SingleRay_rounded take_single_ray_rounded(const RayPacket* p, uint lane, const PacketHits_rounded* hits) {
     SingleRay_rounded ray;
     ray.slabs.inv = three_of_lane(p->inv, lane);
     ray.slabs.enter = three_of_lane(p->enter, lane);
@@ -81,7 +81,7 @@ SingleRay_rounded take_single_ray_rounded(const RayPacket* p, uint lane, const f
     JOIN(ray_of_, PACKET_TEST)(&hits->shears, lane, &ray.shear);
     ray.t_near = lane_of16(&p->t_near, lane);
     ray.skip = ((const uint*)&p->skip)[lane];
-    ray.t_limit = lane_of16(t_limits, lane);
+    ray.t_limit = lane_of16(&hits->t_limit, lane);
     ray.u = ray.v = 0.0f;
     ray.primitive = ((const uint*)&hits->primitive)[lane];
     ray.is_found = false;
@@ -89,11 +89,10 @@ SingleRay_rounded take_single_ray_rounded(const RayPacket* p, uint lane, const f
 }
 
 // In whole vectors: those are read next, and would wait for a single lane.
-void put_back_rounded(const SingleRay_rounded* ray, uint lane, const bool any_hit, float16* t_limits,
-                      PacketHits_rounded* hits, int16* undecided_lanes) {
+void put_back_rounded(const SingleRay_rounded* ray, uint lane, const bool any_hit, PacketHits_rounded* hits) {
     if (!ray->is_found) return;
     const int16 here = (int16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15) == (int)lane;
-    *t_limits = here ? (float16)(any_hit ? -INFINITY : ray->t_limit) : *t_limits;
+    hits->t_limit = here ? (float16)(any_hit ? -INFINITY : ray->t_limit) : hits->t_limit;
     hits->t = here ? (float16)(ray->t_limit) : hits->t;
     hits->u = here ? (float16)(ray->u) : hits->u;
     hits->v = here ? (float16)(ray->v) : hits->v;

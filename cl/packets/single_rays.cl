@@ -14,8 +14,7 @@ typedef struct {
     bool is_decided; // false if that is too much
 } SingleRay_exactly;
 
-SingleRay_exactly take_single_ray_exactly(const RayPacket* p, uint lane, const float16* t_limits,
-                                          PacketHits_exactly* hits) {
+SingleRay_exactly take_single_ray_exactly(const RayPacket* p, uint lane, PacketHits_exactly* hits) {
     const SingleRay_exactly ray = {
         {three_of_lane(p->inv, lane), three_of_lane(p->enter, lane), three_of_lane(p->leave, lane)},
         three_of_lane(p->origin, lane),
@@ -23,7 +22,7 @@ SingleRay_exactly take_single_ray_exactly(const RayPacket* p, uint lane, const f
         three_of_lane(p->direction, lane),
         lane_of16(&p->t_near, lane),
         ((const uint*)&p->skip)[lane],
-        lane_of16(t_limits, lane),
+        lane_of16(&hits->t_limit, lane),
         lane_of16(&hits->t_low, lane),
         NO_PRIMITIVE,
         ((const uint*)&hits->primitive)[lane],
@@ -35,14 +34,13 @@ SingleRay_exactly take_single_ray_exactly(const RayPacket* p, uint lane, const f
 
 // Writes what became of it where its packet keeps it. In whole vectors: those are read next, and would wait for a
 // single lane.
-void put_back_exactly(const SingleRay_exactly* ray, uint lane, const bool any_hit, float16* t_limits,
-                      PacketHits_exactly* hits, int16* undecided_lanes) {
+void put_back_exactly(const SingleRay_exactly* ray, uint lane, const bool any_hit, PacketHits_exactly* hits) {
     ((uint*)&hits->postponed)[lane] = ray->postponed;
     if (ray->is_decided && ray->found == NO_PRIMITIVE) return;
     const int16 here = (int16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15) == (int)lane;
-    *t_limits = here ? (float16)(!ray->is_decided || any_hit ? -INFINITY : ray->t_limit) : *t_limits;
+    hits->t_limit = here ? (float16)(!ray->is_decided || any_hit ? -INFINITY : ray->t_limit) : hits->t_limit;
     if (!ray->is_decided) {
-        *undecided_lanes = *undecided_lanes || here;
+        hits->undecided_lanes = hits->undecided_lanes || here;
         return;
     }
     hits->t_high = here ? (float16)(ray->t_limit) : hits->t_high;
@@ -78,19 +76,19 @@ bool test_single_ray_exactly(GEOMETRY_PARAMETERS, SingleRay_exactly* ray, uint f
     const float3 low = ray->origin_low, direction = ray->direction;
     const float3 low_size = abs3(low), steepness = abs3(direction);
     const float8 from_x = l.a[0] - ray->origin.x, from_y = l.a[1] - ray->origin.y, from_z = l.a[2] - ray->origin.z;
-    prepare_triangles(&l, b, c, fabs(from_x) + low_size.x, fabs(from_y) + low_size.y, fabs(from_z) + low_size.z,
-                      (float8)(steepness.x), (float8)(steepness.y), (float8)(steepness.z));
-    const float8 ax = from_x - low.x, ay = from_y - low.y, az = from_z - low.z; // as from_origin()
-    Decision8 d =
-        decide8(ax, ay, az, (float8)(direction.x), (float8)(direction.y), (float8)(direction.z), l.e1[0], l.e1[1],
-                l.e1[2], l.e2[0], l.e2[1], l.e2[2], l.n[0], l.n[1], l.n[2], l.weight_bound, l.det_bound, l.t_bound);
+    const float8 distance[3] = {fabs(from_x) + low_size.x, fabs(from_y) + low_size.y, fabs(from_z) + low_size.z};
+    const float8 steepest[3] = {(float8)(steepness.x), (float8)(steepness.y), (float8)(steepness.z)};
+    prepare_triangles(l.a, b, c, distance, steepest, &l.rest);
+    const float8 a[3] = {from_x - low.x, from_y - low.y, from_z - low.z}; // as from_origin()
+    const float8 along[3] = {(float8)(direction.x), (float8)(direction.y), (float8)(direction.z)};
+    Decision8 d = decide8(a, along, &l.rest);
     ulong open = lanes_where8(d.possible) & FIRST_LANES8(count);
     if (open == 0ul) return false;
     open &= open_lanes8(ray, &d);
 #ifdef EXTENDED_IS_DOUBLE
     if ((open & ~lanes_where8(d.sure)) != 0ul && all(low == (float3)(0.0f))) {
-        d = decide_single_ray_closely(GEOMETRY, ray->origin, direction, first / 8u, l.weight_bound, l.det_bound,
-                                      l.t_bound);
+        d = decide_single_ray_closely(GEOMETRY, ray->origin, direction, first / 8u, l.rest.weight_bound,
+                                      l.rest.det_bound, l.rest.t_bound);
         open &= open_lanes8(ray, &d);
     }
 #endif

@@ -4,9 +4,11 @@
 // PACKET_TEST names the test that the lanes do in place of the exact one, of those in rounded_tests.cl. Each kind has
 //     LeafTriangles     eight triangles, as far as the test wants them without the rays
 //     load_triangles    reads them; returns for each triangle which packets may hit it
-//     PacketHits        the nearest hit so far of each lane, and what else the test keeps
+//     PacketHits        the nearest hit so far of each lane, up to which t it looks for one (t_limit), the lanes that
+//                       the test does not decide (undecided_lanes), and what else it keeps
 //     start_packet      no hit yet
-//     test_with_packet  what one triangle makes of the hits of sixteen rays; whether the packet has changed
+//     test_with_packet  what one triangle, by its reference, makes of the hits of sixteen rays; whether they have
+//                       changed
 //     unsettled_lanes   the lanes that are not done when the traversal is
 //     settle_lane       completes one of them, by its ray
 //     finish_packet     the hits as batches want them; the lanes that take more than that
