@@ -5,13 +5,13 @@
 INLINE int decide_closely(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, float3 p1, float3 p2, uint primitive,
                           const Hit* hit, float* t_low, float* t_high) {
 #ifdef EXTENDED_IS_DOUBLE
+    const Corners corners = {p0, p1, p2};
     const bool has_best = hit->primitive != NO_PRIMITIVE;
-    const float3 best0 = has_best ? LOAD_SURFACE_VERTEX(geometry, hit->primitive, 0) : p0;
-    const float3 best1 = has_best ? LOAD_SURFACE_VERTEX(geometry, hit->primitive, 1) : p1;
-    const float3 best2 = has_best ? LOAD_SURFACE_VERTEX(geometry, hit->primitive, 2) : p2;
-    const ExtendedDecision closer = decide_closer(start_of_ray(GEOMETRY, ray), ray->direction, p0, p1, p2, ray->t_near,
-                                                  ray->t_far, hit->u, hit->t, best0, best1, best2,
-                                                  primitive < hit->primitive);
+    const Corners best = {has_best ? LOAD_SURFACE_VERTEX(geometry, hit->primitive, 0) : p0,
+                          has_best ? LOAD_SURFACE_VERTEX(geometry, hit->primitive, 1) : p1,
+                          has_best ? LOAD_SURFACE_VERTEX(geometry, hit->primitive, 2) : p2};
+    const CloserLimits limits = {ray->t_near, ray->t_far, hit->u, hit->t, best, primitive < hit->primitive};
+    const ExtendedDecision closer = decide_closer(start_of_ray(GEOMETRY, ray), ray->direction, &corners, &limits);
     *t_low = closer.t_low;
     *t_high = closer.t_high;
     if (closer.decision != UNDECIDED) return closer.decision;
@@ -86,7 +86,8 @@ bool is_settled_exactly(GEOMETRY_PARAMETERS) {
 INLINE void finish_closely(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, float3 p1, float3 p2, const bool wants_t,
                            float* t, SurfaceHit* hit) {
 #ifdef EXTENDED_IS_DOUBLE
-    const FinishedHit closer = finish_closer(start_of_ray(GEOMETRY, ray), ray->direction, p0, p1, p2);
+    const Corners corners = {p0, p1, p2};
+    const FinishedHit closer = finish_closer(start_of_ray(GEOMETRY, ray), ray->direction, &corners);
     const float callers = callers_t(ray, closer.t);
     if (closer.is_sure && !(wants_t && !(is_normal(closer.t) && is_normal(callers)))) {
         if (wants_t) *t = callers;

@@ -11,13 +11,18 @@
 // products by 11; W by 9 more.
 #define CLOSER_ERROR 0x1p-100f
 
+// Of a triangle.
+typedef struct {
+    float3 p0, p1, p2;
+} Corners;
+
 typedef struct {
     DoubleDouble distance, det, weight0, weight1, weight2; // T, D, W, U, V
     float distance_bound, det_bound, bound0, bound1, bound2;
 } CloserNumbers;
 
-RARE void closer_numbers(const TrianglePoint* start, float3 ray_direction, float3 p0, float3 p1, float3 p2,
-                         CloserNumbers* n) {
+RARE void closer_numbers(const TrianglePoint* start, float3 ray_direction, const Corners* corners, CloserNumbers* n) {
+    const float3 p0 = corners->p0, p1 = corners->p1, p2 = corners->p2;
     const DoubleDouble3 edge1 = dd3_difference(p1, p0);
     const DoubleDouble3 edge2 = dd3_difference(p2, p0);
     const DoubleDouble3 start1 = dd3_difference(start->other1, start->base);
@@ -60,8 +65,8 @@ int sure_sign_closer(DoubleDouble number, float bound) {
 
 // Half of what D and the weights are multiples of: with every coordinate one of 2^low, the start's weights of 2^low_w
 // and the direction's components of 2^low_d, those are of 2^(2 low + low_w + low_d).
-RARE double half_closer_unit(const TrianglePoint* start, float3 direction, float3 p0, float3 p1, float3 p2) {
-    const float3 positions[6] = {start->base, start->other1, start->other2, p0, p1, p2};
+RARE double half_closer_unit(const TrianglePoint* start, float3 direction, const Corners* corners) {
+    const float3 positions[6] = {start->base, start->other1, start->other2, corners->p0, corners->p1, corners->p2};
     int low = 1000, low_w = 0, low_d = 1000, high = -1000;
 #pragma unroll 1
     for (int i = 0; i < 6; i++) widen_exponents3(positions[i], &low, &high);
@@ -82,8 +87,8 @@ typedef struct {
     bool is_det_zero;
 } CloserSigns;
 
-RARE CloserSigns closer_signs(const CloserNumbers* n, const TrianglePoint* start, float3 direction, float3 p0,
-                              float3 p1, float3 p2) {
+RARE CloserSigns closer_signs(const CloserNumbers* n, const TrianglePoint* start, float3 direction,
+                              const Corners* corners) {
     CloserSigns s = {sure_sign_closer(n->det, n->det_bound),
                      sure_sign_closer(n->weight0, n->bound0),
                      sure_sign_closer(n->weight1, n->bound1),
@@ -91,7 +96,7 @@ RARE CloserSigns closer_signs(const CloserNumbers* n, const TrianglePoint* start
                      0u,
                      false};
     if (s.det * s.weight0 * s.weight1 * s.weight2 != 0) return s;
-    const double half_unit = half_closer_unit(start, direction, p0, p1, p2);
+    const double half_unit = half_closer_unit(start, direction, corners);
     s.is_det_zero = s.det == 0 && is_surely_zero(n->det, n->det_bound, half_unit);
     if (s.weight0 == 0 && is_surely_zero(n->weight0, n->bound0, half_unit)) s.zeros |= 1u;
     if (s.weight1 == 0 && is_surely_zero(n->weight1, n->bound1, half_unit)) s.zeros |= 2u;
@@ -101,13 +106,13 @@ RARE CloserSigns closer_signs(const CloserNumbers* n, const TrianglePoint* start
 
 // Whether a ray that hits two triangles, and in them the points that these zero weights tell, does so at the same
 // vertex or the same edge: then at the same t.
-bool are_hit_together(uint zeros, float3 p0, float3 p1, float3 p2, uint other_zeros, float3 q0, float3 q1, float3 q2) {
+bool are_hit_together(uint zeros, const Corners* p, uint other_zeros, const Corners* q) {
     if (zeros == 0u || other_zeros == 0u) return false;
     // The ends of the edge, which are one for a vertex: the first and the last corner of any weight.
-    const float3 p_first = (zeros & 1u) == 0u ? p0 : (zeros & 2u) == 0u ? p1 : p2;
-    const float3 p_last = (zeros & 4u) == 0u ? p2 : (zeros & 2u) == 0u ? p1 : p0;
-    const float3 q_first = (other_zeros & 1u) == 0u ? q0 : (other_zeros & 2u) == 0u ? q1 : q2;
-    const float3 q_last = (other_zeros & 4u) == 0u ? q2 : (other_zeros & 2u) == 0u ? q1 : q0;
+    const float3 p_first = (zeros & 1u) == 0u ? p->p0 : (zeros & 2u) == 0u ? p->p1 : p->p2;
+    const float3 p_last = (zeros & 4u) == 0u ? p->p2 : (zeros & 2u) == 0u ? p->p1 : p->p0;
+    const float3 q_first = (other_zeros & 1u) == 0u ? q->p0 : (other_zeros & 2u) == 0u ? q->p1 : q->p2;
+    const float3 q_last = (other_zeros & 4u) == 0u ? q->p2 : (other_zeros & 2u) == 0u ? q->p1 : q->p0;
     return (all(p_first == q_first) && all(p_last == q_last)) || (all(p_first == q_last) && all(p_last == q_first));
 }
 
@@ -125,16 +130,22 @@ bool rounds_surely_closer(DoubleDouble numerator, float numerator_bound, DoubleD
     return low == *rounded;
 }
 
-// As decide_extended and place_hit, of a ray that starts at `start`. best0 to best2 are the vertices of the nearest hit
-// so far, whose t is between t_best_low and t_best_high; if there is none, both are t_far. is_lower: whether the
-// triangle has a lower number than that hit.
-RARE ExtendedDecision decide_closer(TrianglePoint start, float3 direction, float3 p0, float3 p1, float3 p2,
-                                    float t_near, float t_far, float t_best_low, float t_best_high, float3 best0,
-                                    float3 best1, float3 best2, bool is_lower) {
+// Where a triangle has to be hit to be the nearest hit: the ray's limits of t, and those of the t of the nearest hit so
+// far, whose corners are `best`. If there is none, both are t_far. is_lower: whether the triangle has a lower number
+// than that hit.
+typedef struct {
+    float t_near, t_far, t_best_low, t_best_high;
+    Corners best;
+    bool is_lower;
+} CloserLimits;
+
+// As decide_extended and place_hit, of a ray that starts at `start`.
+RARE ExtendedDecision decide_closer(TrianglePoint start, float3 direction, const Corners* corners,
+                                    const CloserLimits* limits) {
     ExtendedDecision result = {UNDECIDED, -INFINITY, INFINITY};
     CloserNumbers n;
-    closer_numbers(&start, direction, p0, p1, p2, &n);
-    const CloserSigns signs = closer_signs(&n, &start, direction, p0, p1, p2);
+    closer_numbers(&start, direction, corners, &n);
+    const CloserSigns signs = closer_signs(&n, &start, direction, corners);
     // A ray in the triangle's plane has D = 0 and never hits.
     if (signs.is_det_zero || signs.weight0 * signs.weight1 < 0 || signs.weight1 * signs.weight2 < 0 ||
         signs.weight2 * signs.weight0 < 0)
@@ -146,14 +157,14 @@ RARE ExtendedDecision decide_closer(TrianglePoint start, float3 direction, float
     float t;
     if (!rounds_surely_closer(n.distance, n.distance_bound, n.det, n.det_bound, &t)) return result;
     if (!(fabs(t) > LEAST_MAGNITUDE)) return result; // whether it is 0, and on which side of a limit, is open
-    if (t < t_near || t > t_far || t > t_best_high) {
+    if (t < limits->t_near || t > limits->t_far || t > limits->t_best_high) {
         result.decision = MISS;
         return result;
     }
-    if (t == t_near || t == t_far) return result;
-    if (t >= t_best_low) {
+    if (t == limits->t_near || t == limits->t_far) return result;
+    if (t >= limits->t_best_low) {
         CloserNumbers best;
-        closer_numbers(&start, direction, best0, best1, best2, &best);
+        closer_numbers(&start, direction, &limits->best, &best);
         // T D' - T' D and a bound of its error; 12 u^2 for its own two products and difference.
         const DoubleDouble difference =
             dd_subtract(dd_multiply(n.distance, best.det), dd_multiply(best.distance, n.det));
@@ -165,9 +176,9 @@ RARE ExtendedDecision decide_closer(TrianglePoint start, float3 direction, float
         bool is_farther = (difference.x > 0.0) == ((n.det.x > 0.0) == (best.det.x > 0.0));
         if (!(fabs(difference.x) > error)) {
             if (signs.zeros == 0u) return result;
-            const CloserSigns of_best = closer_signs(&best, &start, direction, best0, best1, best2);
-            if (!are_hit_together(signs.zeros, p0, p1, p2, of_best.zeros, best0, best1, best2)) return result;
-            is_farther = !is_lower;
+            const CloserSigns of_best = closer_signs(&best, &start, direction, &limits->best);
+            if (!are_hit_together(signs.zeros, corners, of_best.zeros, &limits->best)) return result;
+            is_farther = !limits->is_lower;
         }
         if (is_farther) {
             result.decision = MISS;
@@ -189,10 +200,10 @@ bool finish_weight_closer(DoubleDouble numerator, float bound, const CloserNumbe
 }
 
 // t and the weights of a triangle that is hit.
-RARE FinishedHit finish_closer(TrianglePoint start, float3 direction, float3 p0, float3 p1, float3 p2) {
+RARE FinishedHit finish_closer(TrianglePoint start, float3 direction, const Corners* corners) {
     CloserNumbers n;
-    closer_numbers(&start, direction, p0, p1, p2, &n);
-    const double half_unit = half_closer_unit(&start, direction, p0, p1, p2);
+    closer_numbers(&start, direction, corners, &n);
+    const double half_unit = half_closer_unit(&start, direction, corners);
     FinishedHit hit;
     hit.is_sure = rounds_surely_closer(n.distance, n.distance_bound, n.det, n.det_bound, &hit.t) &&
                   finish_weight_closer(n.weight1, n.bound1, &n, half_unit, &hit.u) &&
