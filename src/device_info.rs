@@ -90,6 +90,9 @@ pub struct DeviceInfo {
     pub compute_capability: [u32; 2],
     /// Registers of a compute unit, 32 bits each (`cl_nv_device_attribute_query`).
     pub registers: u32,
+    /// Kernels that take long may be ended, or keep a display from being drawn: a GPU of which the driver does not tell
+    /// that it has no such limit (`cl_nv_device_attribute_query`).
+    pub limits_kernel_time: bool,
     /// It has sub-groups.
     pub subgroups: bool,
     /// `float` division and square root can be rounded correctly, so that pictures agree with the reference to the last
@@ -147,6 +150,7 @@ pub(crate) fn sample_info() -> DeviceInfo {
         nvidia_options: false,
         compute_capability: [0, 0],
         registers: 0,
+        limits_kernel_time: true,
         subgroups: false,
         correctly_rounded_divide_sqrt: true,
         denormals: true,

@@ -142,7 +142,7 @@ impl Error {
     }
 
     /// Whether a device cannot do what others may.
-    pub(crate) fn is_of_device(&self) -> bool {
+    pub fn is_of_device(&self) -> bool {
         let cannot_begin = matches!(self, Error::NoDevice(_) | Error::Build { .. } | Error::TooLarge { .. });
         cannot_begin || self.is_lost_device()
     }

@@ -37,6 +37,15 @@ fn each_number(count: usize, work: &(dyn Fn(usize) + Sync)) {
     }
 }
 
+/// Does `work` with as many other threads, for whose loops nobody else waits; on those that are there where the system
+/// has no more.
+pub fn on_own_threads<T: Send>(work: impl FnOnce() -> T + Send) -> T {
+    match rayon::ThreadPoolBuilder::new().build() {
+        Ok(pool) => pool.install(work),
+        Err(_) => work(),
+    }
+}
+
 /// Calls `work` with each of `items`. Each is kept behind a lock until it is taken: items that take less than a
 /// microsecond belong together in chunks.
 ///

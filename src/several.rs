@@ -9,6 +9,7 @@ mod queue;
 
 use crate::error::{Error, Result};
 use crate::pack::SceneBuffers;
+use crate::parallel;
 use crate::tracer::{Backend, DeviceShare, Progress};
 use queue::{Queue, State};
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
@@ -23,6 +24,9 @@ type Open<'a> = Box<dyn FnOnce() -> Result<(Arc<SceneBuffers>, Box<dyn Backend>)
 pub struct DeviceTracer<'a> {
     /// For messages.
     pub name: String,
+    /// Whether it is this machine's processor, as the reference is, which other devices need, too. Its loops get
+    /// threads of their own, for which nobody waits, and beside much faster devices it does little.
+    pub is_processor: bool,
     /// Opens it.
     pub open: Open<'a>,
 }
@@ -44,10 +48,10 @@ impl<'a> Devices<'a> {
     where
         'a: 'scope,
     {
-        let ahead = |DeviceTracer { name, open }: DeviceTracer<'a>| {
+        let ahead = |DeviceTracer { name, is_processor, open }: DeviceTracer<'a>| {
             let opening = scope.spawn(open);
             let open = move || opening.join().unwrap_or_else(|panic| resume_unwind(panic));
-            DeviceTracer { name, open: Box::new(open) }
+            DeviceTracer { name, is_processor, open: Box::new(open) }
         };
         Devices { devices: self.devices.into_iter().map(ahead).collect(), last_resort: self.last_resort }
     }
@@ -66,6 +70,11 @@ pub enum Takeover {
 pub trait Watcher: Sync {
     /// So much of it is done, 0 to 1.
     fn progress(&self, done: f64);
+
+    /// Whether the work is to end with [`Error::Stopped`]; asked between launches.
+    fn is_over(&self) -> bool {
+        false
+    }
 
     /// A device failed; others go on, unless this fails, too.
     ///
@@ -114,12 +123,14 @@ pub(crate) fn share_out<'a>(
     watcher: &dyn Watcher,
 ) -> Result<Vec<DeviceShare>> {
     let count = devices.len();
-    let queue = Queue::new((units, pieces.most_time()), count, last_resort.is_some());
+    let processors = devices.iter().map(|device| device.is_processor).collect();
+    let queue = Queue::new((units, pieces.most_time()), processors, last_resort.is_some());
     let worker = |number: usize| Worker { queue: &queue, number, pieces, watcher };
     let mut shares: Vec<DeviceShare> = std::thread::scope(|scope| {
         let work = |(number, device): (usize, DeviceTracer<'a>)| {
-            let worker = worker(number);
-            scope.spawn(move || worker.run(device))
+            let (worker, is_processor) = (worker(number), device.is_processor && count > 1);
+            let run = move || worker.run(device);
+            scope.spawn(move || if is_processor { parallel::on_own_threads(run) } else { run() })
         };
         let threads: Vec<_> = devices.into_iter().enumerate().map(work).collect();
         threads.into_iter().map(|thread| thread.join().unwrap_or_else(|panic| resume_unwind(panic))).collect()
@@ -159,14 +170,12 @@ struct Worker<'a> {
 }
 
 impl Worker<'_> {
-    fn run(&self, DeviceTracer { name, open }: DeviceTracer) -> DeviceShare {
+    fn run(&self, DeviceTracer { name, open, .. }: DeviceTracer) -> DeviceShare {
         let _ending = Ending(self.queue);
         let mut share = DeviceShare { name, pieces: 0, busy_s: 0.0 };
         let ended = open().and_then(|(buffers, mut tracer)| {
             self.queue.lock().was_ready = true;
-            let start = Instant::now();
-            let ended = self.work((tracer.as_mut(), &buffers), &mut share.pieces);
-            share.busy_s = start.elapsed().as_secs_f64();
+            let ended = self.work((tracer.as_mut(), &buffers), &mut share);
             if ended.as_ref().is_err_and(Error::is_lost_device) {
                 // A driver that failed may hang in the release of what is left.
                 std::mem::forget(tracer);
@@ -180,21 +189,20 @@ impl Worker<'_> {
     }
 
     /// Takes pieces until there are none, and counts those that nobody else has finished before.
-    fn work(&self, (tracer, buffers): (&mut dyn Backend, &SceneBuffers), count: &mut usize) -> Result<()> {
+    fn work(&self, (tracer, buffers): (&mut dyn Backend, &SceneBuffers), share: &mut DeviceShare) -> Result<()> {
         let mut pace = None;
         while let Some(job) = self.queue.take(self.number) {
-            let (begun, before) = (Instant::now(), *count);
-            // What another is at is taken piece by piece, so that whoever is first finishes each.
-            let length = if job.is_backup { 1 } else { job.pieces.len() };
-            for numbers in job.pieces.chunks(length) {
-                let some = || self.some((&mut *tracer, buffers), (numbers, &mut pace), count);
+            let (begun, before) = (Instant::now(), share.pieces);
+            for numbers in job.pieces.chunks(job.together) {
+                let some = || self.some((&mut *tracer, buffers), (numbers, &mut pace), &mut share.pieces);
                 match catch_unwind(AssertUnwindSafe(some)) {
                     Ok(done) => done?,
                     Err(panic) if panic.is::<Cancelled>() => {}
                     Err(panic) => resume_unwind(panic),
                 }
             }
-            self.queue.leave(self.number, *count - before, begun.elapsed());
+            share.busy_s += begun.elapsed().as_secs_f64();
+            self.queue.leave(self.number, share.pieces - before, begun.elapsed());
         }
         Ok(())
     }
@@ -212,6 +220,9 @@ impl Worker<'_> {
             return Ok(());
         }
         let progress = |_: f64| {
+            if self.watcher.is_over() {
+                self.queue.fail(Error::Stopped);
+            }
             let state = self.queue.lock();
             if state.is_over() || !left(&state) {
                 drop(state);

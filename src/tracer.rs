@@ -223,7 +223,7 @@ pub struct DeviceShare {
     pub name: String,
     /// Blocks of the picture that are its, or runs of the batch.
     pub pieces: usize,
-    /// Seconds from the time when it was ready until it found nothing more to do.
+    /// Seconds that it was at work.
     pub busy_s: f64,
 }
 

@@ -1,12 +1,14 @@
 //! How many work-items one launch may have, and passing arguments to kernels.
 
-use super::{Buffer, DeviceContext, DeviceKind, Kernel, KernelArg};
+use super::{Buffer, DeviceContext, DeviceInfo, DeviceKind, Kernel, KernelArg};
 use crate::error::Result;
 use crate::tracer::STOPPABLE_LAUNCH_S;
 use bytemuck::Pod;
 
 /// Work is cut into launches of about so many seconds, so that desktops stay alive and watchdogs (typically 2 s) quiet.
 const LAUNCH_S: f64 = 0.1;
+/// The same of GPUs that have neither. At the end of each launch most of a GPU waits for its slowest pixels.
+const LAUNCH_S_UNLIMITED: f64 = 0.3;
 /// CPUs have no watchdog, and at the end of each launch their threads wait for the last one.
 const LAUNCH_S_CPU: f64 = 1.0;
 /// The first launch of a kernel, whose speed is not known yet, has this many samples or rays: 0.1 s at 40,000 rays a
@@ -46,10 +48,18 @@ struct Short {
 /// more so.
 const OTHER_ITEMS: f64 = 8.0;
 
+/// Seconds that a launch on a device is to take.
+fn launch_s(info: &DeviceInfo) -> f64 {
+    match info.kind {
+        DeviceKind::Cpu => LAUNCH_S_CPU,
+        _ if info.limits_kernel_time => LAUNCH_S,
+        _ => LAUNCH_S_UNLIMITED,
+    }
+}
+
 impl LaunchPlan {
-    /// A plan for devices of that kind, whose first launch has about `first` items.
-    pub fn starting_with(first: usize, kind: DeviceKind) -> Self {
-        let launch_s = if kind == DeviceKind::Cpu { LAUNCH_S_CPU } else { LAUNCH_S };
+    /// A plan of launches that take about so many seconds, and of which the first has about `first` items.
+    fn starting_with(first: usize, launch_s: f64) -> Self {
         LaunchPlan {
             launch_s,
             largest: first.max(1).div_ceil(GROWTH),
@@ -62,7 +72,7 @@ impl LaunchPlan {
     /// A plan for a device that is open, whose launches are short where something may stop them.
     pub fn on(context: &DeviceContext, first: usize) -> Self {
         let info = context.info();
-        let plan = LaunchPlan::starting_with(first, info.kind);
+        let plan = LaunchPlan::starting_with(first, launch_s(info));
         // What a GPU has at once takes as long as the slowest of it, and less of it takes no less.
         let at_once = if info.kind == DeviceKind::Gpu { info.compute_units as usize * ITEMS_OF_UNIT } else { 0 };
         if context.is_stoppable() { plan.stoppable(first.max(at_once)) } else { plan }
@@ -194,12 +204,12 @@ mod tests {
     use super::*;
 
     fn launches(total: usize, first: usize, seconds: impl Fn(usize) -> f64) -> Vec<(usize, f64)> {
-        launches_on(DeviceKind::Gpu, total, first, seconds)
+        launches_of(LAUNCH_S, total, first, seconds)
     }
 
     /// Plans `total` items on a device that takes `seconds(item)` for each; returns the launches' items and seconds.
-    fn launches_on(kind: DeviceKind, total: usize, first: usize, seconds: impl Fn(usize) -> f64) -> Vec<(usize, f64)> {
-        let mut plan = LaunchPlan::starting_with(first, kind);
+    fn launches_of(launch_s: f64, total: usize, first: usize, seconds: impl Fn(usize) -> f64) -> Vec<(usize, f64)> {
+        let mut plan = LaunchPlan::starting_with(first, launch_s);
         let mut all = Vec::new();
         let mut done = 0;
         while done < total {
@@ -228,7 +238,7 @@ mod tests {
 
     #[test]
     fn launches_that_may_be_stopped_are_short_wherever_they_are() {
-        let mut plan = LaunchPlan::starting_with(1000, DeviceKind::Cpu).stoppable(1000);
+        let mut plan = LaunchPlan::starting_with(1000, LAUNCH_S_CPU).stoppable(1000);
         let mut launches = |seconds: f64| {
             let mut longest: f64 = 0.0;
             for _ in 0..20 {
@@ -250,7 +260,7 @@ mod tests {
 
     #[test]
     fn tiny_launches_do_not_make_those_to_come_short() {
-        let mut plan = LaunchPlan::starting_with(FIRST_ITEMS, DeviceKind::Gpu).stoppable(FIRST_ITEMS);
+        let mut plan = LaunchPlan::starting_with(FIRST_ITEMS, LAUNCH_S).stoppable(FIRST_ITEMS);
         plan.learn(3, 1e-4);
         for _ in 0..20 {
             let items = plan.next(100_000_000, 64);
@@ -260,15 +270,23 @@ mod tests {
     }
 
     #[test]
+    fn launches_are_long_where_nothing_ends_them() {
+        let limited = crate::device_info::sample_info();
+        let unlimited = DeviceInfo { limits_kernel_time: false, ..limited.clone() };
+        let cpu = DeviceInfo { kind: DeviceKind::Cpu, ..unlimited.clone() };
+        assert_eq!([&limited, &unlimited, &cpu].map(launch_s), [LAUNCH_S, LAUNCH_S_UNLIMITED, LAUNCH_S_CPU]);
+    }
+
+    #[test]
     fn launches_on_cpus_last_a_second() {
-        let all = launches_on(DeviceKind::Cpu, 1 << 20, FIRST_ITEMS, |_| 1e-5);
+        let all = launches_of(LAUNCH_S_CPU, 1 << 20, FIRST_ITEMS, |_| 1e-5);
         let longest = all.iter().map(|launch| launch.1).fold(0.0, f64::max);
         assert!((0.9..=1.6).contains(&longest) && all.len() <= 16, "{all:?}");
     }
 
     #[test]
     fn dear_items_after_cheap_ones_are_begun_with_care() {
-        let mut plan = LaunchPlan::starting_with(FIRST_ITEMS_GPU, DeviceKind::Gpu);
+        let mut plan = LaunchPlan::starting_with(FIRST_ITEMS_GPU, LAUNCH_S);
         plan.learn(2_000_000, 0.1);
         assert_eq!(plan.next(2_000_000, 64), 2_000_000);
         plan.begin_others();
@@ -280,7 +298,7 @@ mod tests {
 
     #[test]
     fn only_what_was_learnt_is_an_estimate() {
-        let mut plan = LaunchPlan::starting_with(FIRST_ITEMS_GPU, DeviceKind::Gpu);
+        let mut plan = LaunchPlan::starting_with(FIRST_ITEMS_GPU, LAUNCH_S);
         assert_eq!(plan.estimate(1000), None);
         plan.learn(1000, 0.5);
         assert_eq!(plan.estimate(2000), Some(1.0));

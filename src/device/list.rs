@@ -145,12 +145,14 @@ fn query(index: usize, platform: &Platform, device: &Device) -> DeviceInfo {
     let image_size = |value: opencl3::Result<usize>| if images { value.unwrap_or(0) } else { 0 };
     let extensions = answers.text(device.extensions());
     let has = |name: &str| extensions.split_whitespace().any(|e| e == name);
+    let tells_attributes = has("cl_nv_device_attribute_query");
+    let kind = kind_of_bits(answers.of_device(device.dev_type()));
     let mut info = DeviceInfo {
         index,
         platform_name: answers.must("clGetPlatformInfo", platform.name()).trim().to_owned(),
         platform_version: answers.must("clGetPlatformInfo", platform.version()).trim().to_owned(),
         name: answers.text(device.name()),
-        kind: kind_of_bits(answers.of_device(device.dev_type())),
+        kind,
         vendor: device.vendor().unwrap_or_default().trim().to_owned(),
         driver_version: answers.text(device.driver_version()),
         opencl_c_version: answers.text(device.opencl_c_version()),
@@ -168,8 +170,10 @@ fn query(index: usize, platform: &Platform, device: &Device) -> DeviceInfo {
         image2d_max_height: image_size(device.image2d_max_height()),
         nvidia_options: has("cl_nv_compiler_options"),
         compute_capability: [device.compute_capability_major_nv(), device.compute_capability_minor_nv()]
-            .map(|number| number.ok().filter(|_| has("cl_nv_device_attribute_query")).unwrap_or(0)),
-        registers: device.registers_per_block_nv().ok().filter(|_| has("cl_nv_device_attribute_query")).unwrap_or(0),
+            .map(|number| number.ok().filter(|_| tells_attributes).unwrap_or(0)),
+        registers: device.registers_per_block_nv().ok().filter(|_| tells_attributes).unwrap_or(0),
+        limits_kernel_time: kind == DeviceKind::Gpu
+            && !(tells_attributes && device.compute_kernel_exec_timeout_nv().is_ok_and(|limit| limit == 0)),
         subgroups: has("cl_khr_subgroups") || has("cl_intel_subgroups") || device.max_num_sub_groups().unwrap_or(0) > 0,
         correctly_rounded_divide_sqrt: single & CL_FP_CORRECTLY_ROUNDED_DIVIDE_SQRT != 0,
         denormals: single & CL_FP_DENORM != 0,

@@ -4,10 +4,11 @@ use super::{Takeover, Watcher};
 use crate::error::Error;
 use std::collections::{HashSet, VecDeque};
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Pieces that a device is at.
 struct Flight {
+    begun: Instant,
     pieces: Vec<usize>,
     /// Whether another device is at them, too.
     is_backed: bool,
@@ -20,9 +21,13 @@ pub(super) struct State {
     pub finished: HashSet<usize>,
     pub all: usize,
     flights: Vec<Option<Flight>>,
-    /// Pieces a second of each device, where that is known, and how many it took last.
+    /// Pieces a second of each device when it was at work last, where that is known, and how many these were.
     rates: Vec<Option<f64>>,
     last: Vec<usize>,
+    /// Pieces that each device has done in all, and seconds that they took.
+    totals: Vec<(usize, f64)>,
+    /// The devices that are this machine's processor.
+    processors: Vec<bool>,
     /// How many seconds a device may take for what it has at a time.
     most_time: f64,
     /// Devices that have not failed.
@@ -45,8 +50,8 @@ pub(super) struct Queue {
 #[derive(Debug, PartialEq)]
 pub(super) struct Job {
     pub pieces: Vec<usize>,
-    /// Whether another device is at it.
-    pub is_backup: bool,
+    /// How many of them it does together. Of what another is at it takes few, so that whoever is first finishes each.
+    pub together: usize,
 }
 
 /// What a device takes at a time is about this part of what is left for it, so that all end together.
@@ -55,18 +60,32 @@ const PART_OF_REST: f64 = 0.5;
 const LEAST_TIME: f64 = 0.25;
 /// A device takes so many times as many pieces as before, as long as these take no more than all of the rest.
 const GROWTH: usize = 4;
-/// A device helps another that is slower by this factor.
+/// And at most so many times as many, and no more than this part of its share of all: the next pieces may be a hundred
+/// times as dear as the last ones, as where a sky ends.
+const MOST_GROWTH: usize = 16;
+const PART_OF_SHARE: f64 = 0.25;
+/// A device helps another that is slower by this factor, or takes so many times as long as it would itself.
 const HELPS_FROM: f64 = 1.5;
+const OVERDUE: f64 = 2.0;
+/// What it takes at a time of that takes about so long.
+const HELP_TIME: f64 = 0.1;
+/// A processor is left out while other devices together are so many times as fast: it adds less than it takes from
+/// them, because their threads need its cores.
+const LEFT_OUT_FROM: f64 = 10.0;
+/// How often a device that has nothing to do looks for another that has become slow.
+const LOOKS_EVERY: Duration = Duration::from_millis(50);
 
 impl Queue {
-    /// Of units for so many devices, each of which may take so long for what it has at a time; with `has_last_resort`
-    /// one more works where all of these have failed.
+    /// Of units for devices, of which some are `processors`, each of which may take so long for what it has at a time;
+    /// with `has_last_resort` one more works where all of these have failed.
     pub fn new(
         (units, most_time): (Vec<Vec<usize>>, Option<Duration>),
-        devices: usize,
+        mut processors: Vec<bool>,
         has_last_resort: bool,
     ) -> Queue {
+        let devices = processors.len();
         let workers = devices + usize::from(has_last_resort);
+        processors.resize(workers, true);
         let state = State {
             all: units.iter().map(Vec::len).sum(),
             units: units.into(),
@@ -74,6 +93,8 @@ impl Queue {
             flights: (0..workers).map(|_| None).collect(),
             rates: vec![None; workers],
             last: vec![0; workers],
+            totals: vec![(0, 0.0); workers],
+            processors,
             most_time: most_time.map_or(f64::INFINITY, |time| time.as_secs_f64()),
             alive: devices,
             was_ready: false,
@@ -98,7 +119,8 @@ impl Queue {
             if let Some(job) = state.next(worker) {
                 return Some(job);
             }
-            state = self.changed.wait(state).unwrap_or_else(PoisonError::into_inner);
+            let waited = self.changed.wait_timeout(state, LOOKS_EVERY);
+            state = waited.unwrap_or_else(PoisonError::into_inner).0;
         }
     }
 
@@ -108,6 +130,8 @@ impl Queue {
         state.flights[worker] = None;
         if pieces > 0 {
             state.last[worker] = pieces;
+            let total = &mut state.totals[worker];
+            *total = (total.0 + pieces, total.1 + took.as_secs_f64().max(1e-3));
             state.rates[worker] = Some(pieces as f64 / took.as_secs_f64().max(1e-3));
         }
         self.changed.notify_all();
@@ -123,7 +147,7 @@ impl Queue {
     pub fn lose(&self, worker: usize, name: &str, error: Error, watcher: &dyn Watcher) {
         let mut state = self.lock();
         state.alive -= 1;
-        state.rates[worker] = None;
+        (state.rates[worker], state.totals[worker]) = (None, (0, 0.0));
         if let Some(flight) = state.flights[worker].take() {
             let left: Vec<usize> = flight.pieces.into_iter().filter(|piece| !state.finished.contains(piece)).collect();
             if !left.is_empty() {
@@ -166,6 +190,9 @@ impl State {
     }
 
     fn next(&mut self, worker: usize) -> Option<Job> {
+        if self.is_left_out(worker) {
+            return None;
+        }
         if self.units.is_empty() {
             return self.backup(worker);
         }
@@ -178,8 +205,21 @@ impl State {
             self.units.pop_front();
         }
         pieces.sort_unstable();
-        self.flights[worker] = Some(Flight { pieces: pieces.clone(), is_backed: false });
-        Some(Job { pieces, is_backup: false })
+        self.flights[worker] = Some(Flight { begun: Instant::now(), pieces: pieces.clone(), is_backed: false });
+        Some(Job { together: pieces.len(), pieces })
+    }
+
+    /// Pieces a second that a device did in all.
+    fn speed(&self, worker: usize) -> Option<f64> {
+        let (pieces, seconds) = self.totals[worker];
+        (pieces > 0).then(|| pieces as f64 / seconds)
+    }
+
+    /// Whether a device is a processor beside others that are much faster.
+    fn is_left_out(&self, worker: usize) -> bool {
+        let others = (0..self.totals.len()).filter(|&other| !self.processors[other]);
+        let all: f64 = others.filter_map(|other| self.speed(other)).sum();
+        self.processors[worker] && self.speed(worker).is_some_and(|own| LEFT_OUT_FROM * own < all)
     }
 
     /// How many pieces a device is to take.
@@ -192,27 +232,32 @@ impl State {
         // Few pieces at a time keep no device busy, so that its rate is no measure: more of them show what it can do.
         let more = (GROWTH * self.last[worker]) as f64;
         let wanted = if more <= rate * all_s { fair.max(more) } else { fair };
-        wanted.min(rate * self.most_time)
+        let speeds: f64 = (0..self.totals.len()).filter_map(|other| self.speed(other)).sum();
+        let most = PART_OF_SHARE * self.all as f64 * self.speed(worker).map_or(1.0, |own| own / speeds);
+        wanted.min(rate * self.most_time).min((MOST_GROWTH * self.last[worker]) as f64).min(most)
     }
 
     /// What a slower device has not finished, from its end on.
     fn backup(&mut self, worker: usize) -> Option<Job> {
-        let own = self.rates[worker]?;
-        let is_slower = |rate: Option<f64>| rate.is_none_or(|rate| HELPS_FROM * rate < own);
-        let finished = &self.finished;
-        let left = |flight: &Flight| -> Vec<usize> {
-            flight.pieces.iter().rev().filter(|piece| !finished.contains(piece)).copied().collect()
+        let own = self.speed(worker)?;
+        let is_slow = |other: usize, flight: &Flight| {
+            let seconds = flight.pieces.len() as f64 / own;
+            self.speed(other).is_none_or(|speed| HELPS_FROM * speed < own)
+                || flight.begun.elapsed().as_secs_f64() > OVERDUE * seconds
         };
-        let others = self.flights.iter_mut().zip(&self.rates).enumerate().filter(|(other, _)| *other != worker);
-        let slower = others.filter(|(_, (_, rate))| is_slower(**rate)).filter_map(|(_, (flight, _))| flight.as_mut());
-        let flight = slower.filter(|flight| !flight.is_backed).max_by_key(|flight| left(flight).len())?;
-        let pieces = left(flight);
+        let others = self.flights.iter().enumerate().filter(|(other, _)| *other != worker);
+        let others = others.filter_map(|(other, flight)| Some((other, flight.as_ref()?)));
+        let slow = others.filter(|(other, flight)| !flight.is_backed && is_slow(*other, flight));
+        let left = |flight: &Flight| -> Vec<usize> {
+            flight.pieces.iter().rev().filter(|piece| !self.finished.contains(piece)).copied().collect()
+        };
+        let (other, pieces) = slow.map(|(other, flight)| (other, left(flight))).max_by_key(|(_, left)| left.len())?;
         if pieces.is_empty() {
             return None;
         }
-        flight.is_backed = true;
-        self.flights[worker] = Some(Flight { pieces: pieces.clone(), is_backed: true });
-        Some(Job { pieces, is_backup: true })
+        self.flights[other].iter_mut().for_each(|flight| flight.is_backed = true);
+        self.flights[worker] = Some(Flight { begun: Instant::now(), pieces: pieces.clone(), is_backed: true });
+        Some(Job { pieces, together: ((own * HELP_TIME) as usize).max(1) })
     }
 }
 
@@ -222,11 +267,11 @@ mod tests {
     use crate::error::Result;
 
     fn queue(units: usize, workers: usize) -> Queue {
-        within(units, workers, None)
+        within(units, vec![false; workers], None)
     }
 
-    fn within(units: usize, workers: usize, most_time: Option<Duration>) -> Queue {
-        Queue::new(((0..units).map(|unit| vec![unit]).collect(), most_time), workers, false)
+    fn within(units: usize, processors: Vec<bool>, most_time: Option<Duration>) -> Queue {
+        Queue::new(((0..units).map(|unit| vec![unit]).collect(), most_time), processors, false)
     }
 
     /// As if the device had finished these.
@@ -252,21 +297,25 @@ mod tests {
         let queue = queue(1000, 2);
         assert_eq!([take(&queue, 0), take(&queue, 1)], [vec![0], vec![1]], "nobody knows yet");
         finish(&queue, &[0, 1]);
-        queue.leave(0, 1, Duration::from_millis(10));
-        queue.leave(1, 1, Duration::from_millis(40));
-        let [fast, slow] = [take(&queue, 0).len(), take(&queue, 1).len()];
-        assert!((395..=402).contains(&fast), "{fast}: four fifths of half of the rest");
-        assert!((55..=65).contains(&slow), "{slow}: a fifth of half of what was left then");
+        queue.leave(0, 100, Duration::from_secs(1));
+        queue.leave(1, 25, Duration::from_secs(1));
+        assert_eq!([take(&queue, 0).len(), take(&queue, 1).len()], [200, 50], "a quarter of four fifths, and of one");
+        // Half of what is left, at the end.
+        finish(&queue, &(2..900).collect::<Vec<_>>());
+        queue.lock().units.drain(..648);
+        queue.leave(0, 100, Duration::from_secs(1));
+        queue.leave(1, 25, Duration::from_secs(1));
+        assert_eq!([take(&queue, 0).len(), take(&queue, 1).len()], [39, 6], "and a quarter of a second's");
     }
 
     #[test]
     fn where_order_matters_nobody_takes_what_lasts_long() {
-        let queue = within(1000, 2, Some(Duration::from_secs(2)));
+        let queue = within(1000, vec![false; 2], Some(Duration::from_millis(400)));
         assert_eq!([take(&queue, 0), take(&queue, 1)], [vec![0], vec![1]]);
         finish(&queue, &[0, 1]);
-        queue.leave(0, 1, Duration::from_millis(10));
-        queue.leave(1, 1, Duration::from_millis(40));
-        assert_eq!([take(&queue, 0).len(), take(&queue, 1).len()], [200, 50], "two seconds' work each");
+        queue.leave(0, 100, Duration::from_secs(1));
+        queue.leave(1, 25, Duration::from_secs(1));
+        assert_eq!([take(&queue, 0).len(), take(&queue, 1).len()], [40, 10], "work of .4 s each");
     }
 
     #[test]
@@ -275,12 +324,65 @@ mod tests {
         assert_eq!([take(&queue, 0), take(&queue, 1)], [vec![0], vec![1]]);
         finish(&queue, &[0]);
         queue.leave(0, 1, Duration::from_millis(1));
-        assert_eq!(take(&queue, 0), [2, 3, 4, 5]);
-        finish(&queue, &[2, 3, 4, 5]);
-        queue.leave(0, 4, Duration::from_millis(4));
-        assert_eq!(queue.take(0), Some(Job { pieces: vec![1], is_backup: true }));
+        for piece in 2..6 {
+            assert_eq!(take(&queue, 0), [piece]);
+            finish(&queue, &[piece]);
+            queue.leave(0, 1, Duration::from_millis(1));
+        }
+        assert_eq!(queue.take(0), Some(Job { pieces: vec![1], together: 100 }));
         finish(&queue, &[1]);
         assert_eq!([queue.take(0), queue.take(1)], [None, None]);
+    }
+
+    #[test]
+    fn pieces_that_take_longer_than_those_before_are_helped_with() {
+        let queue = queue(4, 2);
+        assert_eq!([take(&queue, 0), take(&queue, 1)], [vec![0], vec![1]]);
+        finish(&queue, &[0, 1]);
+        let second = Duration::from_secs(1);
+        [0, 1].into_iter().for_each(|worker| queue.leave(worker, 1, second));
+        assert_eq!([take(&queue, 0), take(&queue, 1)], [vec![2], vec![3]]);
+        finish(&queue, &[2]);
+        queue.leave(0, 1, second);
+        assert_eq!(queue.lock().next(0), None, "both are as fast, as far as is known");
+        let begin_before = |time: Duration| {
+            queue.lock().flights[1]
+                .iter_mut()
+                .for_each(|flight| flight.begun = Instant::now().checked_sub(time).unwrap());
+        };
+        begin_before(second);
+        assert_eq!(queue.lock().next(0), None, "it may take a little longer");
+        begin_before(3 * second);
+        assert_eq!(queue.lock().next(0), Some(Job { pieces: vec![3], together: 1 }));
+    }
+
+    #[test]
+    fn cheap_first_pieces_do_not_make_a_device_take_much() {
+        let queue = queue(1000, 2);
+        assert_eq!([take(&queue, 0), take(&queue, 1)], [vec![0], vec![1]]);
+        finish(&queue, &[0, 1]);
+        [0, 1].into_iter().for_each(|worker| queue.leave(worker, 1, Duration::from_millis(1)));
+        assert_eq!([take(&queue, 0).len(), take(&queue, 1).len()], [16, 16]);
+        queue.leave(0, 16, Duration::from_millis(16));
+        assert_eq!(take(&queue, 0).len(), 124, "a quarter of half, and less than that by a rounding");
+    }
+
+    #[test]
+    fn a_processor_beside_much_faster_devices_is_left_out_as_long_as_they_are_there() {
+        for is_processor in [true, false] {
+            let queue = within(1000, vec![false, false, is_processor], None);
+            assert_eq!([0, 1, 2].map(|worker| take(&queue, worker)), [vec![0], vec![1], vec![2]]);
+            finish(&queue, &[0, 1, 2]);
+            for (worker, time) in [(0, 10), (1, 10), (2, 150)] {
+                queue.leave(worker, 1, Duration::from_millis(time));
+            }
+            let is_left_out = queue.lock().is_left_out(2);
+            assert_eq!(is_left_out, is_processor, "the others have thirty times its speed");
+            queue.lose(0, "a", lost("a"), &Nobody);
+            assert_eq!(queue.lock().is_left_out(2), is_processor, "and the other one fifteen times");
+            queue.lose(1, "b", lost("b"), &Nobody);
+            assert_eq!(take(&queue, 2).len(), 16);
+        }
     }
 
     fn lost(device: &str) -> Error {
@@ -307,7 +409,7 @@ mod tests {
 
     #[test]
     fn the_last_resort_takes_what_devices_leave_that_were_ready() {
-        let with_last_resort = || Queue::new((vec![vec![0], vec![1]], None), 1, true);
+        let with_last_resort = || Queue::new((vec![vec![0], vec![1]], None), vec![false], true);
         let queue = with_last_resort();
         queue.lock().was_ready = true;
         assert_eq!(take(&queue, 0), [0]);
@@ -319,7 +421,7 @@ mod tests {
         // In whatever order: one is lost, and another cannot begin.
         let no_device = || Error::NoDevice("b".to_owned());
         for is_lost_first in [true, false] {
-            let queue = Queue::new((vec![vec![0], vec![1]], None), 2, true);
+            let queue = Queue::new((vec![vec![0], vec![1]], None), vec![false; 2], true);
             queue.lock().was_ready = true;
             if is_lost_first {
                 queue.lose(0, "a", lost("a"), &Nobody);

@@ -6,7 +6,11 @@ use std::path::Path;
 use std::process::Output;
 
 fn run(at: &Path, command: &str) -> Output {
-    raybrook(at, &format!("{command} --device reference").split(' ').collect::<Vec<_>>())
+    run_on("reference", at, command)
+}
+
+fn run_on(devices: &str, at: &Path, command: &str) -> Output {
+    raybrook(at, &format!("{command} --device {devices}").split(' ').collect::<Vec<_>>())
 }
 
 #[test]
@@ -40,9 +44,20 @@ fn what_is_finished_stays_and_goes_on() {
 
 #[test]
 fn a_picture_whose_time_is_up_is_coarse_where_it_is_not_finished() {
+    assert_is_coarse_where_it_is_not_finished("reference");
+}
+
+#[test]
+fn a_picture_by_several_devices_is_coarse_there_too() {
+    let Some(device) = crate::common::device() else { return };
+    // The first has nothing to compile, so that the coarse picture is there in time.
+    assert_is_coarse_where_it_is_not_finished(&format!("reference,{}", device.info.index));
+}
+
+fn assert_is_coarse_where_it_is_not_finished(devices: &str) {
     let folder = folder();
     let at = folder.path();
-    let limited = run(at, "render one.obj --size 2048x1024 --samples 256 -o a.pfm --time-limit 1500ms");
+    let limited = run_on(devices, at, "render one.obj --size 2048x1024 --samples 256 -o a.pfm --time-limit 1500ms");
     if limited.status.success() || !at.join("a.pfm").exists() {
         return crate::common::skip("this machine is too fast, or too slow");
     }

@@ -121,7 +121,7 @@ fn tracer<'a>(buffers: &Arc<SceneBuffers>, lives: Option<usize>, delay: u64) -> 
         let inner = open_tracer(None, &buffers, &TraceOptions::DEFAULT, 2, None)?;
         Ok((buffers, Box::new(Poor { inner, lives, delay: Duration::from_millis(delay) })))
     };
-    DeviceTracer { name: format!("{lives:?} {delay}"), open: Box::new(open) }
+    DeviceTracer { name: format!("{lives:?} {delay}"), is_processor: true, open: Box::new(open) }
 }
 
 #[test]

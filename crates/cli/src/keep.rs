@@ -1,5 +1,5 @@
 //! Pictures on their way are kept beside their output, in `OUT.partial`: what stops the program costs no more than the
-//! last second, and the same command goes on.
+//! last seconds, and the same command goes on.
 
 use super::display::Display;
 use super::limit::Limit;
@@ -331,15 +331,11 @@ impl<'a> Keeper<'a> {
     ) -> Result<(RenderResult, Vec<DeviceShare>, Vec<LostDevice>)> {
         self.start = Instant::now();
         let work = (self.rays(picture), "M camera rays");
-        let watching = Watching::new(Bar::new("render", talk), work, loss, talk);
+        let watching = Watching::new(Bar::new("render", talk), work, (loss, self.limit), talk);
         let this = &*self;
         let wanted = (&this.blocks, &this.rest[..]);
         let render = |send: &(dyn Fn(&Finished, bool) -> Result<()> + Sync)| {
-            let take = |finished: &Finished| {
-                let is_kept = this.take(finished)?;
-                send(finished, is_kept)?;
-                if this.limit.is_over() { Err(Error::Stopped) } else { Ok(()) }
-            };
+            let take = |finished: &Finished| send(finished, this.take(finished)?);
             render_by_several(devices, picture, wanted, &take, &watching)
         };
         let (shares, taking_s) = match rows {

@@ -7,6 +7,7 @@ use super::log::Log;
 use super::loss::{LossArgs, Watching};
 use super::open::Opened;
 use super::progress::Bar;
+use raybrook::Result;
 use raybrook::low_level::renderer::Part;
 use raybrook::low_level::runs::{
     Answers, Asked, BatchId, BatchJob, BatchJournal, Found, RunEntry, Runs, Took, TracedRuns, trace_by_several,
@@ -14,7 +15,6 @@ use raybrook::low_level::runs::{
 };
 use raybrook::low_level::several::Devices;
 use raybrook::low_level::tracer::{DeviceShare, LostDevice};
-use raybrook::{Error, Result};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
@@ -165,11 +165,9 @@ impl<'a> RayKeeper<'a> {
         (loss, talk): (LossArgs, Talk),
     ) -> Result<(RaysTraced, Vec<DeviceShare>, Vec<LostDevice>)> {
         self.start = Instant::now();
-        let watching = Watching::new(Bar::new("trace", talk), (self.million_rays(), "M rays"), loss, talk);
-        let take = |traced: TracedRuns| {
-            self.take(traced)?;
-            if self.limit.is_over() { Err(Error::Stopped) } else { Ok(()) }
-        };
+        let watching =
+            Watching::new(Bar::new("trace", talk), (self.million_rays(), "M rays"), (loss, self.limit), talk);
+        let take = |traced: TracedRuns| self.take(traced);
         let shares = trace_by_several(devices, job, (self.runs, &self.rest), &take, &watching)?;
         Ok((self.traced(), shares, watching.into_lost()))
     }

@@ -1,6 +1,7 @@
 //! Devices that fail in the middle of their work, and who goes on in their place.
 
 use super::flags::in_flags;
+use super::limit::Limit;
 use super::open::Opened;
 use super::progress::Bar;
 use super::{Talk, chain, end, heading};
@@ -57,18 +58,19 @@ fn tell_reference(name: &str, why: &str) {
 
 /// Tells how far several devices are, and which of them fail.
 pub struct Watching {
-    pub bar: Bar,
+    bar: Bar,
     /// How much work there is, in these units.
-    pub work: (f64, &'static str),
-    pub loss: LossArgs,
-    pub talk: Talk,
+    work: (f64, &'static str),
+    loss: LossArgs,
+    limit: Limit,
+    talk: Talk,
     /// The devices that failed.
-    pub lost: Mutex<Vec<LostDevice>>,
+    lost: Mutex<Vec<LostDevice>>,
 }
 
 impl Watching {
-    pub fn new(bar: Bar, work: (f64, &'static str), loss: LossArgs, talk: Talk) -> Watching {
-        Watching { bar, work, loss, talk, lost: Mutex::default() }
+    pub fn new(bar: Bar, work: (f64, &'static str), (loss, limit): (LossArgs, Limit), talk: Talk) -> Watching {
+        Watching { bar, work, loss, limit, talk, lost: Mutex::default() }
     }
 
     /// The devices that failed.
@@ -80,6 +82,10 @@ impl Watching {
 impl Watcher for Watching {
     fn progress(&self, done: f64) {
         self.bar.update(done, self.work.0, self.work.1);
+    }
+
+    fn is_over(&self) -> bool {
+        self.limit.is_over()
     }
 
     fn lost(&self, name: &str, error: Error, takeover: Takeover) -> Result<()> {

@@ -21,6 +21,7 @@ use raybrook::low_level::device::DeviceHandle;
 use raybrook::low_level::film::{Film, ImageFormat, check_output};
 use raybrook::low_level::options::TraceOptions;
 use raybrook::low_level::output::check_writable;
+use raybrook::low_level::pack::SceneBuffers;
 use raybrook::low_level::planes::PlaneGroup;
 use raybrook::low_level::renderer::{
     Crop, DEFAULT_DEPTH, Part, Picture, PictureBlocks, PictureId, render_full, render_part_noting,
@@ -28,7 +29,7 @@ use raybrook::low_level::renderer::{
 use raybrook::low_level::rows::PutRows;
 use raybrook::low_level::scene::{Samples, Scene};
 use raybrook::low_level::stats::{FullPicture, RayCounts, RunStats, WorkStats};
-use raybrook::low_level::tracer::{MOST_SAMPLES, RenderResult, Spent, Task};
+use raybrook::low_level::tracer::{Backend, MOST_SAMPLES, RenderResult, Spent, Task};
 use raybrook::low_level::work::WorkSum;
 use raybrook::{Error, Result};
 use std::path::{Path, PathBuf};
@@ -184,22 +185,19 @@ fn coarse(picture: &Picture) -> Picture {
 /// [`Error::Stopped`] when the time is up already.
 fn coarse_within(
     limit: Limit,
-    args: &RenderArgs,
-    keeper: &Keeper,
-    (opened, picture): (&mut Opened, &Picture),
+    crop: Option<Crop>,
+    (tracer, buffers): (&mut dyn Backend, &SceneBuffers),
+    picture: &Picture,
     talk: Talk,
-) -> Result<Option<RenderResult>> {
-    if !limit.is_set() || args.part.is_some() || !keeper.has_rest() {
-        return Ok(None);
-    }
+) -> Result<RenderResult> {
     let bar = Bar::new("coarse picture", talk);
     let progress = |done: f64| {
         limit.check();
         bar.update(done, 1.0, "pictures");
     };
-    let (tracer, coarse) = (opened.tracer.as_mut(), coarse(picture));
-    let render = || render_part_noting(tracer, &opened.buffers, &coarse, args.crop, false, &progress);
-    limit.within(render)?.ok_or(Error::Stopped).map(Some)
+    let coarse = coarse(picture);
+    let render = || render_part_noting(tracer, buffers, &coarse, crop, false, &progress);
+    limit.within(render)?.ok_or(Error::Stopped)
 }
 
 /// Writes what there is of a picture whose time is up: the coarse one, and on it the blocks that are finished.
@@ -326,6 +324,11 @@ impl<'a> Job<'a> {
         self.devices.first().and_then(Option::as_ref)
     }
 
+    /// A picture whose time may be up has a coarse one beside it.
+    fn has_coarse(&self) -> bool {
+        self.limit.is_set() && self.part.is_none()
+    }
+
     fn canvas(&self, size: (u32, u32), samples: Samples) -> Canvas {
         self.args.canvas((size, samples), self.part)
     }
@@ -334,9 +337,7 @@ impl<'a> Job<'a> {
     fn check_picture(&self, size: (u32, u32), samples: Samples) -> Result<()> {
         let Job { args, options, format, budget, .. } = self;
         args.crop.map_or(Ok(()), |crop| crop.check(size))?;
-        // A picture whose time may be up has a coarse one beside it.
-        let has_coarse = self.limit.is_set() && self.part.is_none();
-        if self.canvas(size, samples) != Canvas::Film && !has_coarse {
+        if self.canvas(size, samples) != Canvas::Film && !self.has_coarse() {
             let (of, format) = ((size, args.crop), self.part.is_none().then_some(*format));
             let devices = (self.device(), self.devices.len());
             return open::check_picture_by_rows(of, samples, options, devices, format, budget);
@@ -440,10 +441,17 @@ impl<'a> Rendering<'a> {
     fn render(&mut self, rows: Option<PutRows>) -> Result<(RenderResult, RunStats)> {
         let Rendering { job, loaded, picture, chosen, keeper, opened, coarse, .. } = self;
         let Job { args, devices, limit, budget, talk, .. } = job;
+        let has_coarse = job.has_coarse() && keeper.as_ref().is_some_and(Keeper::has_rest);
+        let render_coarse = |tracer: &mut dyn Backend, buffers: &SceneBuffers| {
+            coarse_within(*limit, args.crop, (tracer, buffers), picture, *talk)
+        };
         match keeper {
             Some(keeper) if devices.len() > 1 => {
                 let built = Built::new(loaded, (devices, chosen), budget)?;
-                let by = built.devices(&args.device, (Task::Picture, picture.depth), args.loss)?;
+                let mut by = built.devices(&args.device, (Task::Picture, picture.depth), args.loss)?;
+                if has_coarse {
+                    *coarse = several::with_first(&mut by, render_coarse)?;
+                }
                 let (result, shares, lost) = keeper.render_by(by, (picture, rows), (args.loss, *talk))?;
                 Ok((result, built.stats(shares, lost)))
             }
@@ -454,7 +462,9 @@ impl<'a> Rendering<'a> {
                 job.check_picture(picture.size, picture.samples)?;
                 let result = match keeper {
                     Some(keeper) => {
-                        *coarse = coarse_within(*limit, args, keeper, (opened, picture), *talk)?;
+                        if has_coarse {
+                            *coarse = Some(render_coarse(opened.tracer.as_mut(), &opened.buffers)?);
+                        }
                         limit.within(|| keeper.render(opened, picture, rows, *talk))?.ok_or(Error::Stopped)?
                     }
                     None => render_noting(opened, picture, args.crop, args.layers.wants_sampling(), *talk)?,

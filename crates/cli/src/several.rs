@@ -12,7 +12,7 @@ use raybrook::low_level::pack::SceneBuffers;
 use raybrook::low_level::renderer::open_tracer;
 use raybrook::low_level::several::{DeviceTracer, Devices};
 use raybrook::low_level::stats::RunStats;
-use raybrook::low_level::tracer::{DeviceShare, LostDevice, Task};
+use raybrook::low_level::tracer::{Backend, DeviceShare, LostDevice, Task};
 use raybrook::{Error, Result};
 use std::collections::HashSet;
 use std::sync::Arc;
@@ -98,6 +98,7 @@ impl<'a> Built<'a> {
         let tracer = |device: Option<DeviceHandle>, options: TraceOptions| {
             let found = self.structures.iter().find(|(known, _)| *known == options);
             let (buffers, cache) = (found.map(|(_, buffers)| buffers.clone()), cache.clone());
+            let is_processor = device.as_ref().is_none_or(|device| device.info.kind == DeviceKind::Cpu);
             let name = device.as_ref().map_or("reference".to_owned(), |device| device.info.name.clone());
             let open = move || {
                 let buffers = buffers.ok_or_else(|| Error::Scene("a structure is missing".to_owned()))?;
@@ -105,7 +106,7 @@ impl<'a> Built<'a> {
                 tracer.prepare(task)?;
                 Ok((buffers, tracer))
             };
-            DeviceTracer { name, open: Box::new(open) }
+            DeviceTracer { name, is_processor, open: Box::new(open) }
         };
         let all = self.devices.iter().zip(self.chosen);
         let devices = all.map(|(device, chosen)| tracer(device.clone(), chosen.options)).collect();
@@ -132,6 +133,39 @@ impl<'a> Built<'a> {
     }
 }
 
+/// Does something with the first of the devices that can, before they share their work; its tracer is kept for that. A
+/// device that fails is told of when they do. `None`: none can.
+///
+/// # Errors
+/// Those of `work` that are none of a device.
+pub fn with_first<T>(
+    devices: &mut Devices,
+    mut work: impl FnMut(&mut dyn Backend, &SceneBuffers) -> Result<T>,
+) -> Result<Option<T>> {
+    for device in &mut devices.devices {
+        let open = std::mem::replace(&mut device.open, Box::new(|| Err(Error::Stopped)));
+        let failed = match open() {
+            Ok((buffers, mut tracer)) => match work(tracer.as_mut(), &buffers) {
+                Ok(done) => {
+                    device.open = Box::new(move || Ok((buffers, tracer)));
+                    return Ok(Some(done));
+                }
+                Err(error) => {
+                    // A driver that failed may hang in the release of what is left.
+                    std::mem::forget(tracer);
+                    error
+                }
+            },
+            Err(error) => error,
+        };
+        if !failed.is_of_device() {
+            return Err(failed);
+        }
+        device.open = Box::new(move || Err(failed));
+    }
+    Ok(None)
+}
+
 /// What is chosen for each device; where hits are not exact, for all what is chosen for the first, so that they have
 /// the same bits.
 ///
@@ -146,4 +180,38 @@ pub fn choose_methods(chooser: &Chooser, devices: &[Option<DeviceHandle>], loade
         others.iter_mut().for_each(|other| other.options = first.options);
     }
     Ok(chosen)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use raybrook::low_level::scene::Scene;
+
+    #[test]
+    fn the_first_that_can_works_ahead_and_stays_open() {
+        let options = TraceOptions::default();
+        let buffers = Arc::new(SceneBuffers::new(&Scene::default(), &options).unwrap());
+        let (opened, no_device) = (std::cell::Cell::new(0), || Error::NoDevice("gone".to_owned()));
+        let good = |name: &str| {
+            let (buffers, name) = (buffers.clone(), name.to_owned());
+            let open = move || Ok((buffers.clone(), open_tracer(None, &buffers, &options, 1, None)?));
+            DeviceTracer { name, is_processor: true, open: Box::new(open) }
+        };
+        let bad =
+            DeviceTracer { name: "bad".to_owned(), is_processor: false, open: Box::new(move || Err(no_device())) };
+        let mut devices = Devices { devices: vec![bad, good("first"), good("second")], last_resort: None };
+        // A device that fails at its work is no better than one that cannot be opened.
+        let mut fails = [true, false].into_iter();
+        let ahead = with_first(&mut devices, |tracer, _| {
+            opened.set(opened.get() + 1);
+            if fails.next() == Some(true) { Err(no_device()) } else { Ok(tracer.options().structure) }
+        });
+        assert_eq!((ahead.unwrap(), opened.get()), (Some(options.structure), 2));
+        let open: Vec<bool> = devices.devices.into_iter().map(|device| (device.open)().is_ok()).collect();
+        assert_eq!(open, [false, false, true]);
+        assert!(with_first(&mut Devices { devices: vec![], last_resort: None }, |_, _| Ok(())).unwrap().is_none());
+        let mut devices = Devices { devices: vec![good("first")], last_resort: None };
+        let stopped = with_first(&mut devices, |_, _| Err::<(), _>(Error::Stopped));
+        assert!(matches!(stopped, Err(Error::Stopped)));
+    }
 }
