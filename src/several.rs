@@ -173,6 +173,10 @@ impl Worker<'_> {
     fn run(&self, DeviceTracer { name, open, .. }: DeviceTracer) -> DeviceShare {
         let _ending = Ending(self.queue);
         let mut share = DeviceShare { name, pieces: 0, busy_s: 0.0 };
+        // Nobody waits for the compiler of a device that is not needed.
+        if !self.queue.wait(self.number) {
+            return share;
+        }
         let ended = open().and_then(|(buffers, mut tracer)| {
             self.queue.lock().was_ready = true;
             let ended = self.work((tracer.as_mut(), &buffers), &mut share);

@@ -26,8 +26,9 @@ pub(super) struct State {
     last: Vec<usize>,
     /// Pieces that each device has done in all, and seconds that they took.
     totals: Vec<(usize, f64)>,
-    /// The devices that are this machine's processor.
+    /// The devices that are this machine's processor, and those that have failed.
     processors: Vec<bool>,
+    lost: Vec<bool>,
     /// How many seconds a device may take for what it has at a time.
     most_time: f64,
     /// Devices that have not failed.
@@ -72,6 +73,9 @@ const HELP_TIME: f64 = 0.1;
 /// A processor is left out while other devices together are so many times as fast: it adds less than it takes from
 /// them, because their threads need its cores.
 const LEFT_OUT_FROM: f64 = 10.0;
+/// It begins once one of them has been at work for so many seconds, and there is as much left for them: to see how fast
+/// it is costs them some tenths of a second.
+const BEGINS_AFTER: f64 = 2.0;
 /// How often a device that has nothing to do looks for another that has become slow.
 const LOOKS_EVERY: Duration = Duration::from_millis(50);
 
@@ -95,6 +99,7 @@ impl Queue {
             last: vec![0; workers],
             totals: vec![(0, 0.0); workers],
             processors,
+            lost: vec![false; workers],
             most_time: most_time.map_or(f64::INFINITY, |time| time.as_secs_f64()),
             alive: devices,
             was_ready: false,
@@ -124,6 +129,16 @@ impl Queue {
         }
     }
 
+    /// Waits until a device may have something to do; whether it has.
+    pub fn wait(&self, worker: usize) -> bool {
+        let mut state = self.lock();
+        while !state.is_over() && state.is_left_out(worker) {
+            let waited = self.changed.wait_timeout(state, LOOKS_EVERY);
+            state = waited.unwrap_or_else(PoisonError::into_inner).0;
+        }
+        !state.is_over()
+    }
+
     /// A device has come to the end of what it took.
     pub fn leave(&self, worker: usize, pieces: usize, took: Duration) {
         let mut state = self.lock();
@@ -147,6 +162,7 @@ impl Queue {
     pub fn lose(&self, worker: usize, name: &str, error: Error, watcher: &dyn Watcher) {
         let mut state = self.lock();
         state.alive -= 1;
+        state.lost[worker] = true;
         (state.rates[worker], state.totals[worker]) = (None, (0, 0.0));
         if let Some(flight) = state.flights[worker].take() {
             let left: Vec<usize> = flight.pieces.into_iter().filter(|piece| !state.finished.contains(piece)).collect();
@@ -215,11 +231,19 @@ impl State {
         (pieces > 0).then(|| pieces as f64 / seconds)
     }
 
-    /// Whether a device is a processor beside others that are much faster.
+    /// Whether a device is a processor that is to do nothing, or nothing yet, because of others that need its cores.
     fn is_left_out(&self, worker: usize) -> bool {
-        let others = (0..self.totals.len()).filter(|&other| !self.processors[other]);
-        let all: f64 = others.filter_map(|other| self.speed(other)).sum();
-        self.processors[worker] && self.speed(worker).is_some_and(|own| LEFT_OUT_FROM * own < all)
+        let others = || (0..self.totals.len()).filter(|&other| !self.processors[other] && !self.lost[other]);
+        if !self.processors[worker] || others().next().is_none() {
+            return false;
+        }
+        let speed: f64 = others().filter_map(|other| self.speed(other)).sum();
+        let worked = others().map(|other| self.totals[other].1).fold(0.0, f64::max);
+        let left: usize = self.units.iter().map(Vec::len).sum();
+        match self.speed(worker) {
+            Some(own) => LEFT_OUT_FROM * own < speed,
+            None => worked < BEGINS_AFTER || (left as f64) < BEGINS_AFTER * speed,
+        }
     }
 
     /// How many pieces a device is to take.
@@ -370,18 +394,36 @@ mod tests {
     #[test]
     fn a_processor_beside_much_faster_devices_is_left_out_as_long_as_they_are_there() {
         for is_processor in [true, false] {
-            let queue = within(1000, vec![false, false, is_processor], None);
-            assert_eq!([0, 1, 2].map(|worker| take(&queue, worker)), [vec![0], vec![1], vec![2]]);
-            finish(&queue, &[0, 1, 2]);
-            for (worker, time) in [(0, 10), (1, 10), (2, 150)] {
-                queue.leave(worker, 1, Duration::from_millis(time));
-            }
-            let is_left_out = queue.lock().is_left_out(2);
-            assert_eq!(is_left_out, is_processor, "the others have thirty times its speed");
+            let queue = within(10_000, vec![false, false, is_processor], None);
+            assert_eq!([0, 1].map(|worker| take(&queue, worker)), [vec![0], vec![1]]);
+            let is_left_out = || queue.lock().is_left_out(2);
+            assert_eq!(is_left_out(), is_processor, "nothing is known of the others");
+            finish(&queue, &[0, 1]);
+            [0, 1].into_iter().for_each(|worker| queue.leave(worker, 200, Duration::from_secs(2)));
+            assert!(!is_left_out(), "there is more than two seconds' work");
+            assert_eq!(take(&queue, 2), [2]);
+            finish(&queue, &[2]);
+            queue.leave(2, 1, Duration::from_millis(150));
+            assert_eq!(is_left_out(), is_processor, "the others have thirty times its speed");
             queue.lose(0, "a", lost("a"), &Nobody);
-            assert_eq!(queue.lock().is_left_out(2), is_processor, "and the other one fifteen times");
+            assert_eq!(is_left_out(), is_processor, "and the other one fifteen times");
             queue.lose(1, "b", lost("b"), &Nobody);
             assert_eq!(take(&queue, 2).len(), 16);
+        }
+        // What is left by then is not worth while.
+        let queue = within(300, vec![false, true], None);
+        assert!(queue.wait(0));
+        assert_eq!(take(&queue, 0), [0]);
+        finish(&queue, &[0]);
+        queue.leave(0, 200, Duration::from_secs(1));
+        assert!(queue.lock().is_left_out(1), "it may be faster after its first second");
+        queue.leave(0, 200, Duration::from_secs(1));
+        assert!(queue.lock().is_left_out(1), "there is work for a second and a half");
+        finish(&queue, &(1..300).collect::<Vec<_>>());
+        assert!(!queue.wait(1), "so it is not even opened");
+        // A processor alone, or beside others, waits for nobody.
+        for processors in [vec![true], vec![true, true]] {
+            assert!(!within(9, processors, None).lock().is_left_out(0));
         }
     }
 
