@@ -6,7 +6,9 @@ use super::{assert_fails, folder, raybrook_with, stderr};
 #[test]
 fn the_limit_of_the_cache_is_read() {
     let folder = folder();
-    let render = ["render", "one.obj", "--size", "8x8", "--device"];
+    // What is quick to compile.
+    let quick = ["--structure", "brute", "--intersector", "moller-trumbore"];
+    let render = [&["render", "one.obj", "--size", "8x8"][..], &quick, &["--device"]].concat();
     let with = |device: &str, megabytes| {
         raybrook_with(
             folder.path(),

@@ -345,7 +345,8 @@ fn devices_kernels_lists_every_kernel() {
         assert!(program["kernels"][0]["max_work_group_size"].as_u64().unwrap() > 0);
     }
     assert_eq!(programs.len(), passes.len());
-    let text = run(&["--depth", "30", "--intersector", "watertight", "--counters", "--features", "all"]);
+    let quick = ["--structure", "brute", "--intersector", "watertight"];
+    let text = run(&[&["--depth", "30", "--counters", "--features", "all"][..], &quick].concat());
     assert!(text.lines().all(|line| line.chars().count() <= 100), "{text}");
     for expected in ["registers", "-DMAX_PENDING=32", "-DFEATURES=", "-DCOUNT_WORK=1", "render", "trace_next"] {
         assert!(text.contains(expected), "{expected} is not in {text}");

@@ -25,7 +25,8 @@
 //! combination; with `RAYBROOK_THOROUGH=1` each two values of any two options that go together. Each on one model, but
 //! those of the mega-kernel with the exact test on every model; and the twin in every structure, build and traversal.
 //! Closest hits are asked of each set of kernels, those of second rays of one in [`NEXT`], any hits of one in [`ANY`],
-//! pictures of one in [`PICTURES`]; one in [`OPTIMISED`] is compiled with optimisations.
+//! pictures of one in [`PICTURES`], in a usual run of one in [`WAVEFRONT`] of the wavefront kernels; one in
+//! [`OPTIMISED`] is compiled with optimisations.
 //!
 //! With `RAYBROOK_ALL_COMBINATIONS=1` every combination on every model: thousands of programs to compile.
 //! `RAYBROOK_ALL_COMBINATIONS=2/5` runs the second fifth: PoCL compiles one program at a time, so on many cores run
@@ -40,7 +41,7 @@
 mod combinations;
 mod models;
 
-use crate::common::{device, is_thorough, unoptimised};
+use crate::common::{device, is_thorough, is_usually_taken, unoptimised};
 use combinations::{go_together, is_read, is_robust_enough, is_usual, kernel_key, product, spread};
 use models::{Answers, Look, Model, Questions, brute_force, models};
 use raybrook::low_level::device::{Cache, DeviceHandle};
@@ -61,10 +62,13 @@ const SIZES: [(u32, u32); 2] = [(32, 24), (64, 48)];
 /// One in so many sets of the mega-kernel's kernels in the spread is asked for the hits of second rays, too. The ways
 /// through a structure are compared for them by tests/methods/traverse.rs.
 const NEXT: usize = 3;
-/// One in so many for any hits.
+/// One in so many for any hits; in a usual run half as many, and half as many as in [`PICTURES`] for pictures.
 const ANY: usize = 3;
 /// One in so many combinations of the mega-kernel in the spread renders, too.
 const PICTURES: usize = 6;
+/// One in so many sets of wavefront kernels in the spread renders in a usual run: each is seven kernels, which trace by
+/// the mega-kernel's functions.
+const WAVEFRONT: usize = 2;
 /// One in so many sets of kernels in the spread is compiled as for users, the others without optimisation.
 const OPTIMISED: usize = 4;
 /// So many differences are described.
@@ -205,7 +209,13 @@ fn by_kernels(combinations: Vec<TraceOptions>) -> Vec<Vec<TraceOptions>> {
 /// for any hits, and one in [`PICTURES`] for pictures, but none with the exact test, because compiling is what takes
 /// long. Other tests render with it.
 fn jobs_of_spread(lists: &[Vec<TraceOptions>], models: usize) -> Vec<Vec<Job>> {
+    let thinned = if is_thorough() { 1 } else { 2 };
+    let is_wavefront = |list: &Vec<TraceOptions>| list[0].picture.kernels == Kernels::Wavefront;
     let jobs = |(i, list): (usize, &Vec<TraceOptions>)| {
+        let number = lists[..i].iter().filter(|list| is_wavefront(list)).count();
+        if is_wavefront(list) && !is_usually_taken(WAVEFRONT, number) {
+            return Vec::new();
+        }
         let own = i % models;
         let mut jobs = Vec::new();
         for &options in list {
@@ -214,8 +224,9 @@ fn jobs_of_spread(lists: &[Vec<TraceOptions>], models: usize) -> Vec<Vec<Job>> {
             let is_other = options.picture.texture_filter != TraceOptions::DEFAULT.picture.texture_filter;
             for model in (0..models).filter(|&model| is_exact && is_mega || model == own || model == 0 && is_other) {
                 // Only the room has textures.
-                let picture = model == 0 && is_other || model == own && (!is_mega || !is_exact && i % PICTURES == 0);
-                let any = is_mega && i % ANY == 0;
+                let picture =
+                    model == 0 && is_other || model == own && (!is_mega || !is_exact && i % (thinned * PICTURES) == 0);
+                let any = is_mega && i % (thinned * ANY) == 0;
                 jobs.push(Job {
                     options,
                     model,

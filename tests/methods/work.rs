@@ -1,7 +1,7 @@
 //! Counted work: the device counts what the twin counts, ray by ray; counting changes no hit and no pixel; what is
 //! counted is what the words say; and the methods' work relates as their papers found.
 
-use crate::common::{Random, SEED, device, is_usually_taken, scene_of, shared, sheet, soup, unoptimised};
+use crate::common::{Random, SEED, device, is_thorough, is_usually_taken, scene_of, shared, sheet, soup, unoptimised};
 use glam::Vec3;
 use raybrook::low_level::layout::Float4;
 use raybrook::low_level::options::{
@@ -103,11 +103,13 @@ fn device_and_twin_count_the_same_and_change_no_hit() {
     let mut random = Random::new(SEED);
     // Loose triangles, and some that share edges and vertices.
     let scene = scene_of(&[soup(250, 0.3, &mut random), sheet(12)].concat());
-    for (number, options) in all_options().into_iter().enumerate() {
+    // Each size of a short stack is a program to compile.
+    let is_tried = |options: &TraceOptions| is_thorough() || options.kd().stack_size.is_none_or(|size| size == 1);
+    for (number, options) in all_options().into_iter().filter(is_tried).enumerate() {
         let buffers = Arc::new(SceneBuffers::new(&scene, &options).unwrap());
         let rays = rays(&buffers, 4000, &mut random);
         // Kernels of their own, which count by the same functions.
-        let (asks_next, asks_any) = (is_usually_taken(3, number), is_usually_taken(3, number + 1));
+        let (asks_next, asks_any) = (is_usually_taken(3, number), is_usually_taken(6, number + 1));
         let next: Vec<_> = rays.iter().map(|_| Float4::new(random.vec3(), 0.0)).collect();
         let mut on_device = open_tracer(Some(&device), &buffers, &options, 1, None).unwrap();
         let mut twin = open_tracer(None, &buffers, &options, 1, None).unwrap();
@@ -176,9 +178,15 @@ fn pixels_have_the_same_work_on_device_and_twin_and_the_same_colours_as_uncounte
     };
     for (name, scene) in [("glass", balls()), ("opaque", opaque)] {
         let whole = TraceOptions { arrays: ArrayOptions { layout: Layout::Whole, ..COUNTED.arrays }, ..COUNTED };
-        for options in
-            [COUNTED, short_stack(2), TraceOptions { structure: Structure::of(StructureKind::Grid), ..COUNTED }, whole]
-        {
+        let grid = TraceOptions { structure: Structure::of(StructureKind::Grid), ..COUNTED };
+        // Each is a program to compile, and short stacks count by the functions of stacks.
+        let all = [COUNTED, whole, grid, short_stack(2)];
+        let count = match name {
+            _ if is_thorough() => all.len(),
+            "glass" => 3,
+            _ => 1,
+        };
+        for options in all.into_iter().take(count) {
             let Some(got) = picture_of(&scene, true, options) else { return };
             let expected = picture_of(&scene, false, options).unwrap();
             let silent = picture_of(&scene, false, TraceOptions { counters: false, ..options }).unwrap();

@@ -6,7 +6,7 @@ use glam::Vec3;
 use raybrook::low_level::adaptive::{render_adaptive, sample_sequence};
 use raybrook::low_level::film::{Film, srgb_from_linear};
 use raybrook::low_level::options::{
-    Decisions, Intersector, KernelFeatures, Kernels, PacketSize, PictureOptions, StructureKind, TraceOptions,
+    Decisions, Intersector, KernelFeatures, Kernels, PacketSize, PictureOptions, Structure, StructureKind, TraceOptions,
 };
 use raybrook::low_level::pack::SceneBuffers;
 use raybrook::low_level::renderer::{Picture, complete, open_tracer, render, render_full};
@@ -17,6 +17,12 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 const DEPTH: u32 = 5;
+
+/// With all features, so that all scenes have the same kernels.
+const ALL_FEATURES: TraceOptions = TraceOptions {
+    picture: PictureOptions { features: KernelFeatures::All, ..PictureOptions::DEFAULT },
+    ..TraceOptions::DEFAULT
+};
 
 fn own_scene(name: &str) -> PathBuf {
     crate::common::root().join("scenes").join(name)
@@ -38,7 +44,7 @@ impl Ready {
     }
 
     fn of_file(path: &Path, side: u32, error: f32) -> Ready {
-        Self::new(load(path).unwrap(), (side, side), Samples::Error(error), TraceOptions::DEFAULT)
+        Self::new(load(path).unwrap(), (side, side), Samples::Error(error), ALL_FEATURES)
     }
 
     fn reference(&self) -> Box<dyn Backend> {
@@ -129,12 +135,17 @@ fn a_list_of_rays_is_what_pictures_are_made_of() {
 #[test]
 fn device_and_twin_take_the_same_samples_and_render_the_same_bits() {
     let Some(device) = device() else { return };
-    let bvh8 = TraceOptions::of(StructureKind::Bvh8);
+    let packets = TraceOptions {
+        structure: Structure::of(StructureKind::Bvh8),
+        packet_size: PacketSize::Sixteen,
+        ..ALL_FEATURES
+    };
+    let picture = PictureOptions { kernels: Kernels::Wavefront, ..ALL_FEATURES.picture };
     for (options, error) in [
-        (TraceOptions { packet_size: PacketSize::Sixteen, ..bvh8 }, 0.5),
-        (TraceOptions { packet_size: PacketSize::Sixteen, intersector: Intersector::MollerTrumbore, ..bvh8 }, 0.5),
-        (TraceOptions { picture: PictureOptions { kernels: Kernels::Wavefront, ..bvh8.picture }, ..bvh8 }, 2.0),
-        (bvh8, 8.0),
+        (packets, 0.5),
+        (TraceOptions { intersector: Intersector::MollerTrumbore, ..packets }, 0.5),
+        (TraceOptions { picture, ..ALL_FEATURES }, 2.0),
+        (ALL_FEATURES, 8.0),
     ] {
         let scene = load(own_scene("cornell.toml")).unwrap();
         let ready = Ready::new(scene, (45, 37), Samples::Error(error), options);
@@ -168,8 +179,8 @@ fn the_device_decides_of_pictures_of_any_shape_and_lattice_what_the_host_decides
     let Some(device) = device() else { return };
     let scene = load(own_scene("spheres.toml")).unwrap();
     let options = TraceOptions {
-        picture: PictureOptions { decisions: Decisions::Device, ..PictureOptions::DEFAULT },
-        ..TraceOptions::DEFAULT
+        picture: PictureOptions { decisions: Decisions::Device, ..ALL_FEATURES.picture },
+        ..ALL_FEATURES
     };
     for (size, lattice, error) in [
         ((1, 1), 1, 1.0),
@@ -320,7 +331,7 @@ fn the_error_asked_for_is_kept_on_shared_scenes() {
         models.retain(|path| path.extension().is_some_and(|extension| extension == "obj" || extension == "ply"));
         models.sort();
         assert!(!models.is_empty());
-        models.iter().for_each(|path| assert_bound_is_kept(path, 48));
+        usually_every(2, models).for_each(|path| assert_bound_is_kept(&path, 48));
     }
 }
 

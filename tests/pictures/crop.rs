@@ -71,12 +71,13 @@ fn parts_have_the_bits_of_the_whole_picture() {
         ("mega-kernel", TraceOptions { picture: roulette, ..kd }),
         (
             "decided by the device",
-            TraceOptions { picture: PictureOptions { decisions: Decisions::Device, ..kd.picture }, ..kd },
+            TraceOptions { picture: PictureOptions { decisions: Decisions::Device, ..roulette }, ..kd },
         ),
-        ("wavefront kernels", TraceOptions { picture: wavefront(TexturePass::InKernel), ..kd }),
         ("host-pass", TraceOptions { picture: wavefront(TexturePass::HostPass), ..kd }),
+        ("wavefront kernels", TraceOptions { picture: wavefront(TexturePass::InKernel), ..kd }),
         ("counting", TraceOptions { counters: true, ..kd }),
     ];
+    // Those of a usual run are compiled for `tests/pictures/roulette.rs`, too.
     for (name, options) in usually_every(2, all) {
         check_parts(name, &options, Some(&device));
     }

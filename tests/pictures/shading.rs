@@ -7,7 +7,7 @@ use crate::common::{Random, SEED, device};
 use glam::{DVec3, Vec2, Vec3};
 use raybrook::low_level::bounds::EPSILON;
 use raybrook::low_level::layout::Float4;
-use raybrook::low_level::options::{Kernels, PictureOptions, Terminator, TexturePass, TraceOptions};
+use raybrook::low_level::options::{KernelFeatures, Kernels, PictureOptions, Terminator, TexturePass, TraceOptions};
 use raybrook::low_level::pack::SceneBuffers;
 use raybrook::low_level::reference::shade::light::{blinn_phong, sample_light};
 use raybrook::low_level::reference::shade::normal::{interpolated_normal, smooth_lift, triangle_normal};
@@ -534,10 +534,16 @@ fn pictures_with_texture_coordinates_without_sense_are_numbers() {
     let scene = builder.finish().unwrap();
     let camera = Camera { eye: Vec3::Z * 5.0, target: Vec3::ZERO, up: Vec3::Y, fov_degrees: 30.0 };
     let picture = Picture { camera, size: (16, 12), samples: Samples::PerPixel(1), depth: 1, kill_weight: None };
-    // The wavefront kernels, which Oclgrind runs; tests/scene/hostile.rs has both.
+    // The wavefront kernels, which Oclgrind runs; tests/scene/hostile.rs has both. With all features, as those of
+    // tests/pictures/wavefront.rs.
     for textures in [TexturePass::InKernel, TexturePass::HostPass] {
         let options = TraceOptions {
-            picture: PictureOptions { kernels: Kernels::Wavefront, textures, ..PictureOptions::DEFAULT },
+            picture: PictureOptions {
+                kernels: Kernels::Wavefront,
+                textures,
+                features: KernelFeatures::All,
+                ..PictureOptions::DEFAULT
+            },
             ..TraceOptions::DEFAULT
         };
         let buffers = Arc::new(SceneBuffers::new(&scene, &options).unwrap());

@@ -7,15 +7,19 @@ use glam::{Vec2, Vec3};
 use raybrook::Error;
 use raybrook::low_level::film::{Film, srgb_from_linear};
 use raybrook::low_level::options::{
-    ArrayOptions, Kernels, Layout, PacketSize, PictureOptions, Structure, StructureKind, TextureFilter, TexturePass,
-    TraceOptions,
+    ArrayOptions, KernelFeatures, Kernels, Layout, PacketSize, PictureOptions, Structure, StructureKind, TextureFilter,
+    TexturePass, TraceOptions,
 };
 use raybrook::low_level::pack::SceneBuffers;
 use raybrook::low_level::renderer::{Picture, open_tracer, render};
 use raybrook::low_level::scene::{Builder, Camera, Image, Light, Material, Normals, Samples, Scene, Texture};
 use std::sync::Arc;
 
-const FOOTPRINT: TraceOptions = TraceOptions::of(StructureKind::Bvh2);
+/// With all features: these kernels other tests of pictures compile, too.
+const FOOTPRINT: TraceOptions = TraceOptions {
+    picture: PictureOptions { features: KernelFeatures::All, ..PictureOptions::DEFAULT },
+    ..TraceOptions::DEFAULT
+};
 const BILINEAR: TraceOptions = TraceOptions {
     picture: PictureOptions { texture_filter: TextureFilter::Bilinear, ..FOOTPRINT.picture },
     ..FOOTPRINT

@@ -149,7 +149,8 @@ fn hits_are_those_of_the_flattened_scene() {
         assert_eq!(trace(&scene, &with(INSTANCES), None, &made), expected, "{intersector}, seed {SEED}");
         assert_eq!(trace(&scene, &with(FLAT), None, &made), expected, "{intersector}, flattened by the packer");
         let Some(device) = device().filter(|_| intersector == Intersector::Exact) else { continue };
-        for memory in usually_every(2, [Memory::Global, Memory::Constant, Memory::Image2d]) {
+        // `tests/methods/same_answers.rs` has instances in every memory.
+        for memory in usually_every(3, [Memory::Global, Memory::Constant, Memory::Image2d]) {
             let options = TraceOptions { arrays: ArrayOptions { memory, ..INSTANCES.arrays }, ..INSTANCES };
             assert_eq!(trace(&scene, &options, Some(&device), &made), expected, "{memory}, seed {SEED}");
         }
@@ -186,7 +187,9 @@ fn pictures_are_those_of_the_flattened_scene() {
     assert!(random.1[4] < expected.1[4] && random.1[6] < expected.1[6], "{:?}, {:?}", random.1, expected.1);
     assert_eq!(picture(&scene, &playing(INSTANCES), None), random);
     let Some(device) = device() else { return };
-    assert_eq!(picture(&scene, &playing(INSTANCES), Some(&device)), random, "roulette");
+    if is_thorough() {
+        assert_eq!(picture(&scene, &playing(INSTANCES), Some(&device)), random, "roulette");
+    }
     assert_eq!(picture(&scene, &INSTANCES, Some(&device)), expected, "mega-kernel");
     let wavefront =
         TraceOptions { picture: PictureOptions { kernels: Kernels::Wavefront, ..INSTANCES.picture }, ..INSTANCES };
@@ -255,7 +258,8 @@ fn flat_instances_have_their_materials() {
         let scene = builder.finish().unwrap();
         let expected = picture(&scene.flattened().unwrap(), &FLAT, None);
         assert_eq!(expected.1[4] > 0, several, "mirrors are seen: {:?}", expected.1);
-        assert_eq!(picture(&scene, &FLAT, Some(&device)), expected);
+        // What is flattened is a scene as any other.
+        assert_eq!(picture(&scene, &FLAT, is_thorough().then_some(&device)), expected);
         assert_eq!(picture(&scene, &INSTANCES, Some(&device)), expected);
     }
 }

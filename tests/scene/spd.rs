@@ -54,6 +54,9 @@ const DATABASES: [Database; 2] = [
 const MEASURED: [([u64; 2], [u64; 2], u64); 2] =
     [([46_261, 5_557], [46_261, 5_557], 309_430), ([1_135_866, 240_532], [1_135_866, 255_026], 3_023_055)];
 
+/// Structures that a device takes in a usual run: each is kernels to compile.
+const ON_DEVICES: [StructureKind; 3] = [StructureKind::Kd, StructureKind::Bvh8, StructureKind::Octree];
+
 fn database(name: &str) -> Option<Scene> {
     Some(load(shared(&format!("spd/{name}.nff"))?).unwrap())
 }
@@ -63,13 +66,14 @@ fn counts(scene: &Scene, options: &TraceOptions, device: Option<&DeviceHandle>, 
     let buffers = Arc::new(SceneBuffers::new(scene, options).unwrap());
     let (camera, samples) = (scene.camera.unwrap(), Samples::Corners);
     let picture = Picture { camera, size: (SIDE, SIDE), samples, depth, kill_weight: Some(0.0) };
-    let mut tracer = open_tracer(device, &buffers, options, depth, None).unwrap();
+    // The same kernels for every depth.
+    let mut tracer = open_tracer(device, &buffers, options, DEPTH, None).unwrap();
     render(tracer.as_mut(), &buffers, &picture, &|_| ()).unwrap().counts
 }
 
 /// Every structure and exact traversal, but brute force only where it ends in time, and lists, which take as long as
-/// all the rest, not in a usual run. Devices take a structure each: that their other traversals have the twin's hits is
-/// the business of `tests/methods/traverse.rs`.
+/// all the rest, not in a usual run. Devices take a structure each, in a usual run [`ON_DEVICES`]: that their other
+/// traversals have the twin's hits is the business of `tests/methods/traverse.rs`.
 fn structures(triangles: usize) -> Vec<TraceOptions> {
     const MOST_FOR_BRUTE_FORCE: usize = 5000;
     let base = TraceOptions::DEFAULT;
@@ -99,7 +103,8 @@ fn the_eye_sees_what_was_published_with_every_structure() {
         scene.lights.clear();
         for options in structures(scene.triangles.len()) {
             let plain = TraceOptions::of(options.kind());
-            let device = device.as_ref().filter(|_| options == plain);
+            let is_taken = options == plain && (is_thorough() || ON_DEVICES.contains(&options.kind()));
+            let device = device.as_ref().filter(|_| is_taken);
             for device in std::iter::once(None).chain(device.map(Some)) {
                 // One kernel for all databases.
                 let options = TraceOptions {
@@ -124,8 +129,9 @@ fn device_and_twin_count_the_same_rays() {
         let count = |scene: &Scene, depth: u32| {
             let twin = counts(scene, &TraceOptions::DEFAULT, None, depth);
             if let Some(device) = &device {
-                // Kernels of their own only for the databases as they are.
-                let features = if depth == DEPTH { KernelFeatures::Scene } else { KernelFeatures::All };
+                // Kernels of their own only for the databases as they are, and not in a usual run.
+                let has_own = depth == DEPTH && is_thorough();
+                let features = if has_own { KernelFeatures::Scene } else { KernelFeatures::All };
                 let options = TraceOptions {
                     picture: PictureOptions { features, ..PictureOptions::DEFAULT },
                     ..TraceOptions::DEFAULT
