@@ -228,7 +228,7 @@ impl BatchJob<'_> {
         options.packet_size == PacketSize::One || (options.is_exact() && self.asked != Asked::Any)
     }
 
-    /// Those of second rays, which start at closest hits.
+    /// Those of secondary rays, which start at closest hits.
     fn next_directions(&self) -> Option<&[Float4]> {
         self.rays.next_directions.as_deref().filter(|_| self.asked == Asked::Closest)
     }

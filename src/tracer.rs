@@ -31,7 +31,7 @@ pub struct ExtremeRay {
     pub index: usize,
     /// Where it starts, world units.
     pub origin: Vec3,
-    /// Whether that is so of the second ray alone.
+    /// Whether that is so of the secondary ray alone.
     pub is_second: bool,
 }
 
@@ -40,10 +40,11 @@ pub struct ExtremeRay {
 pub struct TraceJob<'a> {
     /// The rays.
     pub rays: &'a [TraceRay],
-    /// Directions (x, y, z; w unused) of second rays that start where the first ones hit; as many as rays. Only with
+    /// Directions (x, y, z; w unused) of secondary rays that start where the first ones hit; as many as rays. Only with
     /// closest hits.
     pub next_directions: Option<&'a [Float4]>,
-    /// Those of the rays, or of their second rays, that tracing space cannot hold; [`SceneBuffers::batch`] finds them.
+    /// Those of the rays, or of their secondary rays, that tracing space cannot hold; [`SceneBuffers::batch`] finds
+    /// them.
     pub extreme: &'a [ExtremeRay],
     /// Whether any hit will do: then only `primitive != NO_PRIMITIVE` means something in the answer; t, u and v of a
     /// hit are 0.
@@ -57,16 +58,16 @@ pub struct TraceJob<'a> {
 pub struct TraceResult {
     /// One for each ray; t in units of |direction|, as in world space. What is farther than every float is not hit.
     pub hits: Vec<Hit>,
-    /// The second rays' hits, if they were asked for.
+    /// The secondary rays' hits, if they were asked for.
     pub next_hits: Option<Vec<Hit>>,
     /// With [`crate::options::TraceOptions::counters`] the work on each ray.
     pub work: Option<Vec<RayWork>>,
-    /// The same of the second rays; none on a ray that was not cast because the first one missed.
+    /// The same of the secondary rays; none on a ray that was not cast because the first one missed.
     pub next_work: Option<Vec<RayWork>>,
     /// How many rays, over all repeats, only exact integers could decide, in a second pass; `None` where there is no
     /// such pass.
     pub second_pass: Option<u64>,
-    /// Seconds of device time of each repeat, transfers left out; second rays included. See [`Backend::has_clock`].
+    /// Seconds of device time of each repeat, transfers left out; secondary rays included. See [`Backend::has_clock`].
     pub kernel_s: Vec<f64>,
     /// Seconds that it took to send the rays.
     pub upload_s: f64,

@@ -64,7 +64,7 @@ class Run:
             # Rays that go different ways are traced one by one: packets are for coherent ones.
             mode, self.call = mode.replace("16", "1"), "rtcIntersect1"
         if entry["second_rays"]:
-            self.call += "; second rays by the same or rtcIntersect1, without the triangle that they leave"
+            self.call += "; secondary rays by the same or rtcIntersect1, without the triangle that they leave"
         files = [rays / entry["mesh_bin"], rays / entry["rays_bin"], out / self.answers]
         command = [peer["made"], *files, query, str(peer["threads"]), mode]
         self.process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)

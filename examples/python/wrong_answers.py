@@ -56,11 +56,11 @@ def load(path):
 
 
 def count(found, right):
-    """How many answers are wrong: rays that slip through, hits of nothing, triangles that are not the nearest."""
+    """How many answers are wrong: rays that slip through, false hits, triangles that are not the nearest."""
     holes = sum(answer < 0 for answer, triangles in zip(found, right) if triangles)
-    nothing = sum(answer >= 0 for answer, triangles in zip(found, right) if not triangles)
+    false_hits = sum(answer >= 0 for answer, triangles in zip(found, right) if not triangles)
     others = sum(answer >= 0 and answer not in triangles for answer, triangles in zip(found, right) if triangles)
-    return holes, nothing, others
+    return holes, false_hits, others
 
 
 def main():
@@ -75,7 +75,7 @@ def main():
         right = nearest(vertices[faces], rays)
         hits = sum(map(bool, right))
         print(f"\n{name}: {len(faces):,} triangles, {len(rays):,} rays, of which {hits:,} hit\n")
-        print("| | wrong answers | holes | hits of nothing | another triangle |\n|---|--:|--:|--:|--:|")
+        print("| | wrong answers | holes | false hits | another triangle |\n|---|--:|--:|--:|--:|")
         for tracer, trace in TRACERS.items():
             try:
                 wrong = count(trace(vertices, faces, rays), right)

@@ -14,6 +14,7 @@ mod options;
 mod rays;
 mod records;
 mod scene;
+mod target;
 
 pub use caches::{kernel_cache, tuned};
 pub use journals::{batch_journal, picture_journal};
@@ -22,10 +23,7 @@ pub use options::options;
 pub use rays::npz;
 
 use records::pieces;
-
-/// Does with an input what must be done, panics where something does not hold, and tells whether
-/// the input could be used.
-pub type Target = fn(&[u8]) -> bool;
+use target::Target;
 
 /// These targets by their names, which are those of `targets/` and `seeds/`.
 pub const TARGETS: [(&str, Target); 16] = [

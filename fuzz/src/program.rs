@@ -5,14 +5,14 @@
 mod errors;
 #[path = "records.rs"]
 mod records;
+#[path = "target.rs"]
+mod target;
 
 use errors::readable;
 use raybrook_cli::fuzzed::{Frames, Manifest, ToMake, append, create, read_kept};
 use records::write_journal;
 use std::path::{Path, PathBuf};
-
-/// As in `lib.rs`.
-pub type Target = fn(&[u8]) -> bool;
+use target::Target;
 
 /// These targets by their names.
 pub const TARGETS: [(&str, Target); 2] =

@@ -49,7 +49,7 @@ macro_rules! exactly {
     }};
 }
 
-/// The unit of which all coordinates are whole numbers, as an exponent of 2, and the limbs that numbers take. A
+/// The unit of which all coordinates are multiples, as an exponent of 2, and the limbs that numbers take. A
 /// distance of one triangle compared with that of another one takes ten differences, of a bit more than a coordinate
 /// each, and four bits for the sums of three products; a distance compared with a float takes four, and the float's
 /// square.

@@ -124,12 +124,12 @@ impl Ball {
     }
 }
 
-/// A whole number of units, all of whose limbs count.
+/// An exact integer: a number of units, all of whose limbs count.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Exact<const ROOM: usize>(pub Integer<ROOM>);
 
 impl<const ROOM: usize> Exact<ROOM> {
-    /// The difference of two floats in units of 2^`exponent`, of which both are whole numbers.
+    /// The difference of two floats in units of 2^`exponent`, of which both are multiples.
     pub fn difference(a: f32, b: f32, exponent: i32) -> Self {
         let whole = |x: f32| Exact(Integer::from_float(x, exponent, ROOM));
         whole(a).minus(whole(b))

@@ -14,7 +14,7 @@
 //!       88..    the binary
 //! ```
 
-use super::DeviceInfo;
+use crate::device_info::DeviceInfo;
 use crate::error::{Error, Result};
 use crate::io::input::read_regular;
 use crate::io::output::{is_unfinished, replace};

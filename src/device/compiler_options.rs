@@ -1,6 +1,5 @@
 //! Options that the user hands to the device's compiler beside our own, such as `-cl-mad-enable`.
 
-use super::program::try_option;
 use super::{DeviceContext, DeviceHandle};
 use crate::error::{Error, Result};
 
@@ -46,10 +45,9 @@ fn split_options(options: &str) -> Vec<String> {
     split
 }
 
-/// After a build that failed: the first of the user's options that the compiler refuses even for a program that does
-/// nothing.
-pub(super) fn find_refused(context: &DeviceContext) -> Option<Error> {
-    let refused = |option: &String| Some((option.clone(), try_option(context, option).err()?));
+/// The first of the user's options that the compiler refuses; `refusal` is what it says against one.
+pub(super) fn find_refused(context: &DeviceContext, refusal: impl Fn(&str) -> Option<String>) -> Option<Error> {
+    let refused = |option: &String| Some((option.clone(), refusal(option)?));
     let (option, said) = split_options(&context.0.compiler_options).iter().find_map(refused)?;
     let device = &context.info().name;
     Some(Error::option(OPTION, format!("the compiler of device '{device}' refuses '{option}': {said}")))

@@ -1,11 +1,11 @@
-//! An opened device.
+//! A device to open, and the opened one.
 
 use super::errors::cl_error;
 use super::handle::Owned;
-use super::list::{DeviceHandle, DeviceInfo};
+use super::kept_programs::KeptPrograms;
 use super::owner::Owner;
-use super::program::Programs;
 use super::watchdog::{Limit, Watched, watch};
+use crate::device_info::DeviceInfo;
 use crate::error::{Error, Result};
 use opencl3::command_queue::{CL_QUEUE_PROFILING_ENABLE, CommandQueue, create_command_queue};
 use opencl3::context::Context;
@@ -19,6 +19,36 @@ static RUNTIME: Mutex<()> = Mutex::new(());
 
 pub(super) fn lock_runtime() -> MutexGuard<'static, ()> {
     RUNTIME.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// A device and the OpenCL objects to open it with.
+#[derive(Debug, Clone)]
+pub struct DeviceHandle {
+    /// What the device says about itself.
+    pub info: DeviceInfo,
+    device: Device,
+    /// See [`DeviceHandle::with_compiler_options`].
+    pub(super) compiler_options: String,
+    /// The device, opened already; whoever opens it next has it.
+    opened: Arc<Mutex<Option<DeviceContext>>>,
+}
+
+impl DeviceHandle {
+    /// Of a device that nobody has opened.
+    pub(super) fn new(info: DeviceInfo, device: Device) -> Self {
+        DeviceHandle { info, device, compiler_options: String::new(), opened: Arc::default() }
+    }
+
+    /// Keeps the opened device for whoever opens it next.
+    pub(super) fn keep_opened(&self, context: DeviceContext) {
+        *self.opened.lock().unwrap_or_else(PoisonError::into_inner) = Some(context);
+    }
+
+    /// The opened device, if it was kept and has the same options for the compiler.
+    pub(super) fn take_opened(&self) -> Option<DeviceContext> {
+        let kept = self.opened.lock().unwrap_or_else(PoisonError::into_inner).take();
+        kept.filter(|context| context.0.compiler_options == self.compiler_options)
+    }
 }
 
 /// What those share who have a device open, by the device's id.
@@ -52,7 +82,7 @@ pub(super) struct Opened {
 #[derive(Debug)]
 pub(super) struct Shared {
     // In the order in which they are released.
-    pub programs: Mutex<Programs>,
+    pub programs: Mutex<KeptPrograms>,
     pub context: Owned<Context>,
     /// Whether a call failed: who opens the device next is to have a context that nothing has happened to.
     pub has_failed: AtomicBool,

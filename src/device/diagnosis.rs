@@ -6,7 +6,7 @@
 //! loader's answer counts.
 
 use super::errors::code_name;
-use super::list::{DeviceKind, DeviceList};
+use crate::device_info::{DeviceInfo, DeviceKind};
 use opencl3::error_codes::ClError;
 use serde::Serialize;
 use std::collections::BTreeSet;
@@ -72,13 +72,14 @@ impl Diagnosis {
         }
     }
 
-    /// The loader works: looks at the links behind it.
-    pub(super) fn of_this_computer(list: &DeviceList) -> Self {
-        let found = Found {
-            any: !list.devices.is_empty(),
-            gpu: list.infos().any(|info| info.kind == DeviceKind::Gpu),
-            empty_platforms: &list.empty_platforms,
-        };
+    /// The loader works: looks at the links behind it. `devices` are those that were found, and `empty_platforms` the
+    /// drivers without any.
+    pub(super) fn of_this_computer<'a>(
+        devices: impl Iterator<Item = &'a DeviceInfo>,
+        empty_platforms: &[String],
+    ) -> Self {
+        let kinds: Vec<_> = devices.map(|info| info.kind).collect();
+        let found = Found { any: !kinds.is_empty(), gpu: kinds.contains(&DeviceKind::Gpu), empty_platforms };
         if cfg!(target_os = "linux") { examine(&Computer::here(), &found) } else { examine_platforms(&found) }
     }
 }

@@ -5,12 +5,13 @@ use super::errors::{cl_error_with_hint, code_hint};
 use super::handle::Owned;
 use super::image::{Image, ImageMemory};
 use super::watchdog::{Limit, watch};
-use super::{DeviceContext, Event, Program};
+use super::{DeviceContext, Event};
 use crate::error::{Error, Result};
 use bytemuck::Pod;
 use opencl3::error_codes::ClError;
 use opencl3::kernel::{Kernel as ClKernel, set_kernel_arg};
 use opencl3::memory::ClMem;
+use opencl3::program::Program as ClProgram;
 use std::ffi::c_void;
 use std::ptr;
 use std::sync::Arc;
@@ -87,15 +88,16 @@ impl From<f32> for KernelArg<'_> {
 }
 
 impl Kernel {
-    pub(super) fn create(program: &Program, name: &str) -> Result<Self> {
-        let context = program.context().clone();
+    /// The kernel of this name of a program that was built for the device of `context`.
+    pub(super) fn create(context: &DeviceContext, program: &ClProgram, name: &str) -> Result<Self> {
         let fail = |call: &str, error| context.error(&format!("{call} '{name}'"), error);
         let watched = context.watch("clCreateKernel");
-        let raw = ClKernel::create(program.raw(), name).map(|raw| Owned::new(raw, &context.0.owner));
+        let raw = ClKernel::create(program, name).map(|raw| Owned::new(raw, &context.0.owner));
         let raw = raw.map_err(|e| fail("clCreateKernel", e))?;
         let count = raw.num_args().map_err(|e| fail("clGetKernelInfo of", e))?;
         drop(watched);
-        Ok(Kernel { raw, name: name.to_owned(), args: vec![Slot::Unset; count as usize], context })
+        let args = vec![Slot::Unset; count as usize];
+        Ok(Kernel { raw, name: name.to_owned(), context: context.clone(), args })
     }
 
     /// The kernel's name.

@@ -1,18 +1,17 @@
 //! Every OpenCL device of this computer, with what matters to a tracer.
 
-use super::context::{DeviceContext, lock_runtime};
+use super::context::{DeviceHandle, lock_runtime};
 use super::diagnosis::{Diagnosis, Problem};
 use super::errors::{NOT_FOUND, cl_error, code_name};
 use super::owner::Owner;
 use super::watchdog::{Limit, watch};
-pub use crate::device_info::{DeviceInfo, DeviceKind};
+use crate::device_info::{DeviceInfo, DeviceKind};
 use crate::error::Result;
 use opencl3::device::{
     CL_DEVICE_TYPE_ACCELERATOR, CL_DEVICE_TYPE_ALL, CL_DEVICE_TYPE_CPU, CL_DEVICE_TYPE_GPU, CL_EXEC_KERNEL,
     CL_FP_CORRECTLY_ROUNDED_DIVIDE_SQRT, CL_FP_DENORM, CL_FP_FMA, CL_FP_INF_NAN, CL_FP_ROUND_TO_NEAREST, Device,
 };
 use opencl3::platform::{Platform, get_platforms};
-use std::sync::{Arc, Mutex, PoisonError};
 
 /// The kind that a device says it is.
 fn kind_of_bits(bits: u64) -> DeviceKind {
@@ -23,31 +22,6 @@ fn kind_of_bits(bits: u64) -> DeviceKind {
         CL_DEVICE_TYPE_CPU => DeviceKind::Cpu,
         CL_DEVICE_TYPE_ACCELERATOR => DeviceKind::Accelerator,
         _ => DeviceKind::Other,
-    }
-}
-
-/// A device and the OpenCL objects to open it with.
-#[derive(Debug, Clone)]
-pub struct DeviceHandle {
-    /// What the device says about itself.
-    pub info: DeviceInfo,
-    pub(super) device: Device,
-    /// See [`DeviceHandle::with_compiler_options`].
-    pub(super) compiler_options: String,
-    /// The device, opened already; whoever opens it next has it.
-    opened: Arc<Mutex<Option<DeviceContext>>>,
-}
-
-impl DeviceHandle {
-    /// Keeps the opened device for whoever opens it next.
-    pub(super) fn keep_opened(&self, context: DeviceContext) {
-        *self.opened.lock().unwrap_or_else(PoisonError::into_inner) = Some(context);
-    }
-
-    /// The opened device, if it was kept and has the same options for the compiler.
-    pub(super) fn take_opened(&self) -> Option<DeviceContext> {
-        let kept = self.opened.lock().unwrap_or_else(PoisonError::into_inner).take();
-        kept.filter(|context| context.0.compiler_options == self.compiler_options)
     }
 }
 
@@ -104,10 +78,10 @@ pub fn list_devices() -> Result<DeviceList> {
         for id in devices {
             let device = Device::new(id);
             let info = query(list.devices.len(), platform, &device);
-            list.devices.push(DeviceHandle { info, device, compiler_options: String::new(), opened: Arc::default() });
+            list.devices.push(DeviceHandle::new(info, device));
         }
     }
-    list.diagnosis = Diagnosis::of_this_computer(&list);
+    list.diagnosis = Diagnosis::of_this_computer(list.infos(), &list.empty_platforms);
     list.diagnosis.problems.splice(0..0, failures);
     Ok(list)
 }

@@ -7,6 +7,7 @@
 use super::cache::{Cache, CacheKey};
 use super::compiler_options::find_refused;
 use super::handle::Owned;
+use super::kept_programs::Kept;
 use super::watchdog::{Limit, watch};
 use super::{DeviceContext, DeviceKind, Kernel, ProgramSource};
 use crate::error::{Error, Result};
@@ -95,41 +96,6 @@ pub struct Program {
     context: DeviceContext,
 }
 
-/// Programs that a context keeps, the one last used at the end. The least recently used is forgotten: PoCL keeps a
-/// program's intermediate code in memory.
-#[derive(Debug, Default)]
-pub(super) struct Programs(Vec<Kept>);
-
-#[derive(Debug, Clone)]
-struct Kept {
-    key: CacheKey,
-    raw: Arc<Owned<ClProgram>>,
-    /// As [`Built::log`].
-    log: String,
-}
-
-/// How many are kept: those of all methods that take turns in a comparison.
-const MOST_PROGRAMS: usize = 64;
-
-impl Programs {
-    fn find(&mut self, key: &CacheKey) -> Option<Kept> {
-        let place = self.0.iter().position(|kept| kept.key == *key)?;
-        self.0[place..].rotate_left(1);
-        self.0.last().cloned()
-    }
-
-    fn keep(&mut self, kept: Kept) {
-        if self.0.len() == MOST_PROGRAMS {
-            self.0.remove(0);
-        }
-        self.0.push(kept);
-    }
-
-    pub fn clear(&mut self) {
-        self.0.clear();
-    }
-}
-
 /// OpenCL's code for build options that are none.
 const INVALID_BUILD_OPTIONS: i32 = -43;
 
@@ -139,7 +105,7 @@ impl Program {
     /// # Errors
     /// [`Error::OpenCl`] when there is none of that name.
     pub fn kernel(&self, name: &str) -> Result<Kernel> {
-        Kernel::create(self, name)
+        Kernel::create(&self.context, &self.raw, name)
     }
 
     /// The names of its kernels, sorted.
@@ -159,14 +125,6 @@ impl Program {
     pub fn binary_bytes(&self) -> Option<u64> {
         let _watched = self.context.watch("clGetProgramInfo");
         self.raw.get_binary_sizes().ok()?.first().map(|&bytes| bytes as u64).filter(|&bytes| bytes > 0)
-    }
-
-    pub(super) fn context(&self) -> &DeviceContext {
-        &self.context
-    }
-
-    pub(super) fn raw(&self) -> &ClProgram {
-        &self.raw
     }
 }
 
@@ -232,7 +190,7 @@ fn build_or_load(
     }
 
     let start = Instant::now();
-    let (raw, log) = build_source(context, source, options).map_err(|e| find_refused(context).unwrap_or(e))?;
+    let (raw, log) = build_source(context, source, options).map_err(|e| refused_option(context).unwrap_or(e))?;
     let built = Built::new(context, raw, start, false, log, notes);
     Ok(match cache {
         Some(cache) => built.stored(cache, key),
@@ -326,11 +284,12 @@ fn build_source(context: &DeviceContext, source: &ProgramSource, options: &str) 
     }
 }
 
-/// Builds a program that does nothing with one option; the error is what the compiler said.
-pub(super) fn try_option(context: &DeviceContext, option: &str) -> std::result::Result<(), String> {
-    match build_source(context, &ProgramSource::empty(), option) {
-        Ok(_) => Ok(()),
-        Err(Error::Build { log, .. }) => Err(log),
-        Err(other) => Err(other.to_string()),
-    }
+/// After a build that failed: the first of the user's options that the compiler refuses even for a program that does
+/// nothing.
+fn refused_option(context: &DeviceContext) -> Option<Error> {
+    find_refused(context, |option| match build_source(context, &ProgramSource::empty(), option) {
+        Ok(_) => None,
+        Err(Error::Build { log, .. }) => Some(log),
+        Err(other) => Some(other.to_string()),
+    })
 }

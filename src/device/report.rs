@@ -1,7 +1,8 @@
 //! What `raybrook devices` shows, for people and as JSON.
 
-use super::list::{DeviceInfo, DeviceList};
+use super::list::DeviceList;
 use super::{Problem, Selection};
+use crate::device_info::DeviceInfo;
 use serde::Serialize;
 use std::fmt::Write;
 

@@ -1,7 +1,8 @@
 //! Which device `--device` means.
 
-use super::DeviceContext;
-use super::list::{DeviceHandle, DeviceInfo, DeviceKind, DeviceList, list_devices};
+use super::context::{DeviceContext, DeviceHandle};
+use super::list::{DeviceList, list_devices};
+use crate::device_info::{DeviceInfo, DeviceKind};
 use crate::error::{Error, Result};
 
 /// The word that asks for the scalar reference instead of a device.

@@ -5,7 +5,7 @@
 //! | `origin` | `[n, 3]` | world units |
 //! | `direction` | `[n, 3]` | any length: t counts in it |
 //! | `t_min`, `t_max` | `[n]` | optional interval of t |
-//! | `next_direction` | `[n, 3]` | optional: a second ray from each hit |
+//! | `next_direction` | `[n, 3]` | optional: a secondary ray from each hit |
 //!
 //! The arrays are float32. float64, big-endian numbers and Fortran order are converted: a double rounds to the nearest
 //! float, and one beyond the floats' range becomes an infinity. Values are not judged here; tracing says what NaN or
@@ -33,7 +33,7 @@ pub struct RayBatch {
     pub t_min: Option<Vec<f32>>,
     /// Hits farther than this do not count; in units of |direction|.
     pub t_max: Option<Vec<f32>>,
-    /// Direction of a second ray that starts at each hit.
+    /// Direction of a secondary ray that starts at each hit.
     pub next_directions: Option<Vec<[f32; 3]>>,
     /// Names of arrays in the file that mean nothing here, so that a misspelt one can be told to the user.
     pub ignored: Vec<String>,

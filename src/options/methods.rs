@@ -198,8 +198,8 @@ names! {
     pub enum Terminator ("terminator") {
         /// At the height that the normals claim (Hanika 2021): light ends smoothly on coarse meshes.
         Smooth = "smooth",
-        /// On the triangle: exact shadows of the mesh as it is, whose own one ends along the triangles' edges, in
-        /// stairs.
+        /// On the triangle: exact shadows of the mesh as it is. Where it shades itself the shadow ends in stairs, along
+        /// the triangles' edges.
         Hard = "hard",
     }
 }
@@ -210,7 +210,7 @@ names! {
     pub enum TexturePass ("textures") {
         /// The kernel that shades.
         InKernel = "in-kernel",
-        /// The host, between tracing and shading; only with [`Kernels::Wavefront`].
+        /// The host, between tracing and shading; only with wavefront kernels.
         HostPass = "host-pass",
     }
 }

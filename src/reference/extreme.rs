@@ -33,9 +33,9 @@ use std::time::Instant;
 pub struct TracingBatch {
     /// In tracing space; those that it cannot hold start nowhere.
     pub rays: Vec<TraceRay>,
-    /// Directions of second rays.
+    /// Directions of secondary rays.
     pub next_directions: Option<Vec<Float4>>,
-    /// The rays, or second rays, that tracing space cannot hold.
+    /// The rays, or secondary rays, that tracing space cannot hold.
     pub extreme: Vec<ExtremeRay>,
 }
 
@@ -90,7 +90,7 @@ impl SceneBuffers {
     }
 
     /// `count` rays in world units as the tracers take them: `ray` makes number i of them (origin, direction, t_min,
-    /// t_max), `next` the direction of its second ray.
+    /// t_max), `next` the direction of its secondary ray.
     pub fn batch(
         &self,
         count: usize,
@@ -230,7 +230,7 @@ impl World<'_> {
         }
     }
 
-    /// The second ray from the hit of a first one, as `leave_surface` starts it.
+    /// The secondary ray from the hit of a first one, as `leave_surface` starts it.
     fn second_ray(&self, first: &IntegerRay, from: &Hit, direction: Vec3, is_exact: bool) -> IntegerRay {
         let triangle = self.triangle(from.primitive);
         let weight0 = if is_exact { first.weight0(triangle) } else { ((1.0 - from.u) - from.v).max(0.0) };

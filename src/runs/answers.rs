@@ -16,7 +16,7 @@ use std::str::FromStr;
 /// What is asked of each ray.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Asked {
-    /// The closest hit, and that of its second ray, if it has one.
+    /// The closest hit, and that of its secondary ray, if it has one.
     Closest,
     /// Whether it hits anything.
     Any,
@@ -76,7 +76,7 @@ pub struct Answers {
     pub counts: Vec<u32>,
     /// One hit of each ray; or all that are asked for, those of the first ray first.
     pub hits: Vec<Hit>,
-    /// The hit of each second ray, if there are any.
+    /// The hit of each secondary ray, if there are any.
     pub next_hits: Vec<Hit>,
 }
 
@@ -126,16 +126,16 @@ impl RunAnswers<'_> {
     }
 }
 
-/// Counters of the work on rays and on second rays, where it was counted.
+/// Counters of the work on rays and on secondary rays, where it was counted.
 pub type CountedWork<'a> = [Option<&'a [RayWork]>; 2];
 
 /// Writes the answers of a batch, of which these are all pieces in their order, as an `.npz` file that appears when it
 /// is complete.
 ///
 /// Of closest hits and any ones it has the arrays `t`, `u`, `v` float32 and `primitive` int32, -1 where nothing is hit,
-/// of each ray; of any ones `hit` uint8, 0 or 1; and where there are second rays their `next_t` and `next_primitive`.
-/// Otherwise it has `count` uint32 of each ray, and where hits are listed `t`, `primitive`, `u` and `v` of all hits.
-/// Work that was counted is in `work_…` and `next_work_…` uint32 of each [`WorkCounter`].
+/// of each ray; of any ones `hit` uint8, 0 or 1; and where there are secondary rays their `next_t` and
+/// `next_primitive`. Otherwise it has `count` uint32 of each ray, and where hits are listed `t`, `primitive`, `u` and
+/// `v` of all hits. Work that was counted is in `work_…` and `next_work_…` uint32 of each [`WorkCounter`].
 ///
 /// # Errors
 /// As [`crate::low_level::output::write_atomically`].
@@ -150,7 +150,7 @@ pub fn write_answers(
     write_pieces(path, (lens, &|take| pieces.iter().try_for_each(take)), (asked, has_second), work)
 }
 
-/// How many counts, hits and hits of second rays there are.
+/// How many counts, hits and hits of secondary rays there are.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Lens {
     counts: usize,

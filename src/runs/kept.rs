@@ -59,7 +59,7 @@ impl BatchId {
         self.asked.parse()
     }
 
-    /// Whether there are second rays.
+    /// Whether there are secondary rays.
     pub fn has_second(&self) -> bool {
         self.has_second
     }

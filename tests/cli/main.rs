@@ -492,7 +492,8 @@ fn counted_work_is_written_as_numbers_and_colours() {
     let numbers = |name: &str| read_npz(&at.join("hits.npz"), name);
     assert_eq!((numbers("work_leaves"), numbers("work_tests")), (vec![1, 0], vec![1, 0]));
     assert_eq!((numbers("work_node_bytes"), numbers("work_triangle_bytes")), (vec![16, 0], vec![52, 0]));
-    // The second ray runs in the triangle on which it starts: a leaf and a reference are read, and nothing is tested.
+    // The secondary ray runs in the triangle on which it starts: a leaf and a reference are read, and nothing is
+    // tested.
     assert_eq!((numbers("next_work_tests"), numbers("next_work_triangle_bytes")), (vec![0, 0], vec![4, 0]));
     let stats: serde_json::Value = serde_json::from_slice(&std::fs::read(at.join("s.json")).unwrap()).unwrap();
     assert_eq!((&stats["work"]["camera"]["rays"], &stats["work"]["all"]["rays"]), (&2.into(), &3.into()));

@@ -1,5 +1,6 @@
-//! The rooms of the library, the files and folders of `src/`: what they take from each other goes one way, none of
-//! them knows how options are typed, and few names are public. And how long lines are.
+//! The rooms of the library, the files and folders of `src/`: what they take from each other goes one way, as it does
+//! between the files of `src/device/`, none of them knows how options are typed, and few names are public. And how long
+//! lines are.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -50,20 +51,63 @@ fn arrows_between_rooms_go_one_way() {
     let rooms: BTreeSet<String> =
         code.iter().map(|(path, _)| room_of(path)).filter(|room| !ABOVE.contains(&room.as_str())).collect();
     assert!(rooms.len() > 15, "{rooms:?}");
-    let mut arrows: BTreeMap<&str, BTreeSet<String>> = rooms.iter().map(|room| (&room[..], BTreeSet::new())).collect();
+    let mut arrows = Arrows::new();
     for (path, code) in &code {
         let room = room_of(path);
-        if let Some(arrows) = arrows.get_mut(&room[..]) {
-            arrows.extend(taken_from(code).filter(|other| *other != room && rooms.contains(other)));
+        if rooms.contains(&room) {
+            let others = taken_from(code).filter(|other| *other != room && rooms.contains(other)).collect::<Vec<_>>();
+            arrows.entry(room).or_default().extend(others);
         }
     }
-    // Rooms that take from none that is left are taken away, until there are none, or all take from each other.
+    assert_no_circle(arrows);
+}
+
+/// What takes from what.
+type Arrows = BTreeMap<String, BTreeSet<String>>;
+
+/// Those that take from none that is left are taken away, until there are none, or all take from each other.
+fn assert_no_circle(mut arrows: Arrows) {
     while !arrows.is_empty() {
-        let left: BTreeSet<String> = arrows.keys().map(|room| (*room).to_owned()).collect();
+        let left: BTreeSet<String> = arrows.keys().cloned().collect();
         let before = arrows.len();
         arrows.retain(|_, others| others.iter().any(|other| left.contains(other)));
-        assert!(arrows.len() < before, "these rooms take from each other in a circle: {arrows:#?}");
+        assert!(arrows.len() < before, "these take from each other in a circle: {arrows:#?}");
     }
+}
+
+/// The words of a path, and of a list in braces that it begins with.
+fn words_of(path: &str) -> impl Iterator<Item = &str> {
+    let mut depth = 0;
+    let end = path.find(|c: char| {
+        depth += i32::from(c == '{') - i32::from(c == '}');
+        depth == 0 && !c.is_alphanumeric() && c != '_' && c != '}'
+    });
+    path[..end.unwrap_or(path.len())].split(|c: char| !c.is_alphanumeric() && c != '_').filter(|word| !word.is_empty())
+}
+
+/// A name that `mod.rs` passes on is of the file that has it.
+#[test]
+fn arrows_between_files_of_the_device_go_one_way() {
+    let code = code();
+    let inside = |path: &Path| path.strip_prefix("device").ok().map(room_of);
+    let files: BTreeSet<String> = code.iter().filter_map(|(path, _)| inside(path)).collect();
+    let (_, door) = code.iter().find(|(path, _)| path == Path::new("device/mod.rs")).unwrap();
+    let mut passed_on = BTreeMap::new();
+    for line in door.split("use ").skip(1) {
+        let (file, names) = line.split_once("::").unwrap();
+        passed_on.extend(words_of(names).map(|name| (name, file)));
+    }
+    assert!(files.len() > 30 && passed_on.get("Buffer") == Some(&"buffer"), "{files:?} {passed_on:?}");
+    let mut arrows = Arrows::new();
+    for (path, code) in &code {
+        let Some(file) = inside(path).filter(|file| file != "mod") else { continue };
+        let paths = ["super::", "crate::device::"].into_iter().flat_map(|start| code.split(start).skip(1));
+        let words = paths.flat_map(words_of).map(|word| passed_on.get(word).copied().unwrap_or(word));
+        let others = words.filter(|other| *other != file && files.contains(*other)).map(str::to_owned);
+        arrows.entry(file.clone()).or_default().extend(others);
+    }
+    assert!(arrows["program"].contains("context") && arrows["wavefront"].contains("launch"), "{arrows:#?}");
+    assert_no_circle(arrows);
 }
 
 #[test]

@@ -109,7 +109,7 @@ fn bits(hits: &[Hit]) -> Vec<[u32; 4]> {
     hits.iter().map(|hit| [hit.t.to_bits(), hit.u.to_bits(), hit.v.to_bits(), hit.primitive]).collect()
 }
 
-/// The closest hits, those of second rays, and whether there are any.
+/// The closest hits, those of secondary rays, and whether there are any.
 fn trace(
     scene: &Scene,
     options: &TraceOptions,

@@ -107,7 +107,7 @@ fn every_tree_gives_the_hits_of_brute_force() {
     }
 }
 
-/// From outside a closed model every ray that is aimed at an edge or a vertex of it hits something: a miss is a hole.
+/// From outside a closed mesh every ray that is aimed at an edge or a vertex of it hits something: a miss is a hole.
 /// `model` must be closed and convex enough that the aimed-at point is never on its silhouette as seen from inside; the
 /// rays therefore start inside.
 fn holes(scene: &Scene, inside: Vec3, intersector: Intersector) -> (usize, usize) {

@@ -1,4 +1,4 @@
-//! `raybrook stress --closed`: rays at edges and vertices of closed models, and how many of them slip through.
+//! `raybrook stress --closed`: rays at edges and vertices of closed meshes, and how many of them slip through.
 
 use super::code::{Code, FOUND_A_DIFFERENCE, SUCCESS};
 use super::files::Files;

@@ -240,8 +240,8 @@ struct PictureArgs {
     #[arg(long, help_heading = heading::PICTURE, value_name = "N")]
     #[arg(value_parser = clap::value_parser!(u32).range(1..=i64::from(PictureDefaults::MAX_DEPTH)))]
     depth: Option<u32>,
-    /// Do not cast secondary rays of less weight; 0 casts all [default: what cannot change an 8-bit pixel,
-    /// or one by half of the --error that is asked for].
+    /// Do not cast secondary rays of less weight; 0 casts all [default: what cannot change an 8-bit pixel, or
+    /// changes it by less than half of --error].
     #[arg(long, help_heading = heading::PICTURE, hide_short_help = true, value_name = "W", value_parser = parse_weight)]
     kill_weight: Option<f32>,
     #[command(flatten)]

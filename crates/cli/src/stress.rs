@@ -94,7 +94,7 @@ pub struct StressArgs {
     /// With --replay: any hit within the limits will do, as for shadows.
     #[arg(long, requires = "replay", conflicts_with = "ask")]
     any_hit: bool,
-    /// Instead of the kinds, aim at edges and vertices of closed models: count the rays that slip through, which must
+    /// Instead of the kinds, aim at edges and vertices of closed meshes: count the rays that slip through, which must
     /// hit for a reason that needs no exact answer. Models that are not closed are named and left out.
     #[arg(
         long,

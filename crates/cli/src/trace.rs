@@ -136,7 +136,7 @@ impl TraceArgs {
         self.counters || self.repeat > 1
     }
 
-    /// The option, if there is one, with which there are no second rays.
+    /// The option, if there is one, with which there are no secondary rays.
     fn without_second_rays(&self) -> Option<&'static str> {
         let given = [
             (self.any_hit, "--any-hit"),
@@ -153,7 +153,7 @@ struct Told {
     rays_that_hit: u64,
     /// Hits of all rays, where they were counted.
     all_hits: Option<u64>,
-    /// The work on rays and on second rays.
+    /// The work on rays and on secondary rays.
     work: Option<[Vec<RayWork>; 2]>,
     kernel_s: Vec<f64>,
     second_pass: Option<u64>,
@@ -290,7 +290,7 @@ fn free_meanwhile(rays: TracingBatch) {
 /// Bytes of a ray and of its hit as the tracers take them, and once more where they are sorted or on a device.
 const RAY_BYTES: usize = 3 * (size_of::<TraceRay>() + size_of::<Hit>());
 
-/// The same of a second ray.
+/// The same of a secondary ray.
 const NEXT_BYTES: usize = 3 * (size_of::<Float4>() + size_of::<Hit>());
 
 /// Checks that there is memory for tracing `batch`.
@@ -442,7 +442,7 @@ pub fn run(args: &TraceArgs, talk: Talk) -> Result<Code> {
     if let Some(option) = args.without_second_rays()
         && batch.next_directions.is_some()
     {
-        let message = "cannot be combined with the array 'next_direction': a second ray starts at the closest hit";
+        let message = "cannot be combined with the array 'next_direction': a secondary ray starts at the closest hit";
         return Err(Error::option(option, message));
     }
     if talk.verbose && !batch.ignored.is_empty() {

@@ -151,7 +151,7 @@ pub fn cross_check(path: &Path, scene: &Scene, budget: &MemoryBudget) -> Result<
     let (mut file, file_bytes) = open_regular(path)?;
     let bytes = file_bytes.saturating_mul(BYTES_OF_BYTE);
     let what = format!("reading {} a second time", path.display());
-    budget.check(&Need { what: &what, bytes, decided_by: DecidedBy::Input, remedy: "raise --memory-limit" })?;
+    budget.check(&Need { what: &what, bytes, decided_by: DecidedBy::Input, remedy: "raise `memory_limit`" })?;
     let mut text = Vec::new();
     file.read_to_end(&mut text).map_err(|e| Error::io("read", path, e))?;
     let libraries = library_texts(path, &text);

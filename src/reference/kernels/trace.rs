@@ -63,7 +63,7 @@ fn trace_next(
 }
 
 with_fma! {
-    /// Traces the second rays of some hits; counts the work if there is room for it.
+    /// Traces the secondary rays of some hits; counts the work if there is room for it.
     pub fn trace_next_chunk(
         buffers: &SceneBuffers,
         options: &TraceOptions,

@@ -16,7 +16,7 @@ pub struct StressRay {
     pub t_min: f32,
     /// No hit is farther.
     pub t_max: f32,
-    /// Where the second ray goes.
+    /// Where the secondary ray goes.
     pub next: Option<Vec3>,
 }
 
@@ -37,7 +37,7 @@ impl StressRay {
         StressRay { t_min, t_max, ..self }
     }
 
-    /// With a second ray.
+    /// With a secondary ray.
     #[must_use]
     pub fn then(self, next: Vec3) -> StressRay {
         StressRay { next: Some(next), ..self }

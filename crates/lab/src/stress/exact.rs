@@ -5,8 +5,8 @@
 //! Floating-Point Arithmetic and Fast Robust Geometric Predicates", Discrete & Computational Geometry 18, 1997) first
 //! discard the triangles that the ray surely misses and order the rest, most of them by the boxes around them
 //! (`boxes.rs`). It shares no code and no formula with `cl/intersect/exact.cl`, which it is to judge. Nothing in them
-//! over- or underflows: coordinates are from 2^-149 to 2^128, starts of second rays from 2^-298 on, and products have
-//! three factors.
+//! over- or underflows: coordinates are from 2^-149 to 2^128, starts of secondary rays from 2^-298 on, and products
+//! have three factors.
 //!
 //! Bad at: rays in the plane of many triangles, all of which need exact integers.
 
@@ -17,10 +17,10 @@ use super::ratio::{Ratio, decode};
 use glam::{DVec3, Vec3};
 use num_bigint::{BigInt, Sign};
 
-type Whole3 = [BigInt; 3];
+type Integer3 = [BigInt; 3];
 
 /// The sum of three products that are each off by [`PRODUCT_ERROR`]: two more roundings of numbers that are 1 / 8 of
-/// the bounds' sum in size, and room.
+/// the bounds' sum in size, and a margin.
 const SUM_ERROR: f64 = 1.5;
 
 /// A ray without limits, in doubles and, where these are rounded, in exact integers.
@@ -33,7 +33,7 @@ pub struct Line {
     /// How far `origin` may be off on each axis.
     origin_error: f64,
     /// The exact origin is this times 2^unit; `None`: `origin` is exact.
-    whole_origin: Option<(Whole3, i32)>,
+    integer_origin: Option<(Integer3, i32)>,
 }
 
 impl Line {
@@ -41,7 +41,7 @@ impl Line {
     /// everything.
     pub fn new(origin: DVec3, direction: DVec3) -> Option<Line> {
         let is_ray = origin.is_finite() && direction.is_finite() && direction != DVec3::ZERO;
-        is_ray.then_some(Line { origin, direction, origin_error: 0.0, whole_origin: None })
+        is_ray.then_some(Line { origin, direction, origin_error: 0.0, integer_origin: None })
     }
 
     /// How far `origin` may be off on each axis.
@@ -50,26 +50,26 @@ impl Line {
     }
 
     /// The exact origin in units of 2^`unit`, which is not above its own.
-    fn whole_origin(&self, unit: i32) -> Whole3 {
-        match &self.whole_origin {
-            None => whole3(self.origin, unit),
+    fn integer_origin(&self, unit: i32) -> Integer3 {
+        match &self.integer_origin {
+            None => integer3(self.origin, unit),
             Some((numerator, own)) => std::array::from_fn(|k| &numerator[k] << (own - unit)),
         }
     }
 
     /// The origin is a multiple of 2 to this power.
     fn unit(&self) -> i32 {
-        self.whole_origin.as_ref().map_or_else(|| smallest_unit([&self.origin]), |(_, unit)| *unit)
+        self.integer_origin.as_ref().map_or_else(|| smallest_unit([&self.origin]), |(_, unit)| *unit)
     }
 
     /// Where the line crosses the triangle of these corners, exactly: t and the weights of corners 1 and 2. The edges
     /// belong to it. `None` when it does not, and when it runs in the triangle's plane.
     pub fn crossing(&self, corners: [DVec3; 3]) -> Option<[Ratio; 3]> {
         let unit = self.unit().min(smallest_unit(&corners));
-        let origin = self.whole_origin(unit);
-        let [a, b, c] = corners.map(|p| minus(&whole3(p, unit), &origin));
+        let origin = self.integer_origin(unit);
+        let [a, b, c] = corners.map(|p| minus(&integer3(p, unit), &origin));
         let direction_unit = smallest_unit([&self.direction]);
-        let d = whole3(self.direction, direction_unit);
+        let d = integer3(self.direction, direction_unit);
         let weights = weights_of(&d, [&a, &b, &c]);
         let det: BigInt = weights.iter().sum();
         let opposite = match det.sign() {
@@ -92,10 +92,10 @@ impl Line {
     /// each axis tell its sign: it is that of the weight, or where this is zero of the first gain that is not.
     pub fn crosses_when_moved(&self, corners: [DVec3; 3]) -> bool {
         let unit = self.unit().min(smallest_unit(&corners));
-        let origin = self.whole_origin(unit);
-        let corners = corners.map(|p| whole3(p, unit));
-        let d = whole3(self.direction, smallest_unit([&self.direction]));
-        let weights_from = |origin: &Whole3| {
+        let origin = self.integer_origin(unit);
+        let corners = corners.map(|p| integer3(p, unit));
+        let d = integer3(self.direction, smallest_unit([&self.direction]));
+        let weights_from = |origin: &Integer3| {
             let [a, b, c] = [0, 1, 2].map(|k| minus(&corners[k], origin));
             weights_of(&d, [&a, &b, &c])
         };
@@ -234,18 +234,18 @@ impl ExactTracer {
         let weight_unit = others.iter().map(|&(_, weight)| decode(weight.into()).1).min().unwrap_or(0).min(0);
         let own = smallest_unit(&[a, b, c]);
         let unit = own + weight_unit;
-        let mut numerator = whole3(base, unit);
-        let base = whole3(base, own);
+        let mut numerator = integer3(base, unit);
+        let base = integer3(base, own);
         for (other, weight) in others {
             let (significand, exponent) = decode(weight.into());
             let weight: BigInt = BigInt::from(significand) << (exponent - weight_unit);
-            let edge = minus(&whole3(other, own), &base);
+            let edge = minus(&integer3(other, own), &base);
             numerator.iter_mut().zip(&edge).for_each(|(sum, edge)| *sum += &weight * edge);
         }
         let rounded = |n: &BigInt| Ratio::new(n.clone(), 1.into(), unit).to_f64();
         let origin = DVec3::new(rounded(&numerator[0]), rounded(&numerator[1]), rounded(&numerator[2]));
         let origin_error = ROUNDING * origin.abs().max_element();
-        Some(Line { origin, origin_error, whole_origin: Some((numerator, unit)), ..next })
+        Some(Line { origin, origin_error, integer_origin: Some((numerator, unit)), ..next })
     }
 
     /// Where `line` crosses triangle `primitive`, exactly; its edges belong to it. `None` when it does not, and when it
@@ -260,8 +260,8 @@ impl ExactTracer {
     pub fn is_parallel(&self, line: &Line, primitive: u32) -> bool {
         let Some(corners) = self.corners(primitive) else { return true };
         let unit = smallest_unit(&corners);
-        let [a, b, c] = corners.map(|p| whole3(p, unit));
-        let direction = whole3(line.direction, smallest_unit([&line.direction]));
+        let [a, b, c] = corners.map(|p| integer3(p, unit));
+        let direction = integer3(line.direction, smallest_unit([&line.direction]));
         dot(&direction, &cross(&minus(&b, &a), &minus(&c, &a))).sign() == Sign::NoSign
     }
 
@@ -357,29 +357,29 @@ fn smallest_unit<'a>(points: impl IntoIterator<Item = &'a DVec3>) -> i32 {
 }
 
 /// A vector in units of 2^unit.
-fn whole3(v: DVec3, unit: i32) -> Whole3 {
+fn integer3(v: DVec3, unit: i32) -> Integer3 {
     v.to_array().map(|x| match decode(x) {
         (0, _) => BigInt::ZERO,
         (significand, exponent) => BigInt::from(significand) << (exponent - unit),
     })
 }
 
-fn minus(a: &Whole3, b: &Whole3) -> Whole3 {
+fn minus(a: &Integer3, b: &Integer3) -> Integer3 {
     std::array::from_fn(|k| &a[k] - &b[k])
 }
 
-fn cross(a: &Whole3, b: &Whole3) -> Whole3 {
+fn cross(a: &Integer3, b: &Integer3) -> Integer3 {
     std::array::from_fn(|k| {
         let (i, j) = ((k + 1) % 3, (k + 2) % 3);
         &a[i] * &b[j] - &a[j] * &b[i]
     })
 }
 
-fn dot(a: &Whole3, b: &Whole3) -> BigInt {
+fn dot(a: &Integer3, b: &Integer3) -> BigInt {
     &a[0] * &b[0] + &a[1] * &b[1] + &a[2] * &b[2]
 }
 
 /// The weights of a triangle's corners, which are relative to the origin, times the determinant.
-fn weights_of(d: &Whole3, [a, b, c]: [&Whole3; 3]) -> [BigInt; 3] {
+fn weights_of(d: &Integer3, [a, b, c]: [&Integer3; 3]) -> [BigInt; 3] {
     [dot(d, &cross(c, b)), dot(d, &cross(a, c)), dot(d, &cross(b, a))]
 }

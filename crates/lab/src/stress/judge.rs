@@ -10,8 +10,8 @@
 //! answer, at a silhouette or open border: a ray that slips through between two neighbours is wrong. A triangle whose
 //! plane the ray lies in never counts.
 //!
-//! A second ray starts exactly where the first one hits; the triangle that it leaves and those that the first ray met
-//! at exactly the same t are not there for it. Strictly, because a start has to be told by numbers: at exactly the
+//! A secondary ray starts exactly where the first one hits; the triangle that it leaves and those that the first ray
+//! met at exactly the same t are not there for it. Strictly, because a start has to be told by numbers: at exactly the
 //! point whose smaller two weights, of three, are the floats nearest to those of the hit. It lies in the same triangle,
 //! on an edge or a vertex just when the hit does.
 
@@ -42,9 +42,9 @@ pub enum Fault {
     T,
     /// The right triangle and t, but the weights are off.
     Weights,
-    /// The second ray hit the triangle that it left; judged tolerantly, one that was met with it, too.
+    /// The secondary ray hit the triangle that it left; judged tolerantly, one that was met with it, too.
     SelfHit,
-    /// The second ray passed through what it had to hit.
+    /// The secondary ray passed through what it had to hit.
     Leak,
     /// A list or a walk has a triangle more than once.
     Twice,
@@ -86,7 +86,7 @@ struct Answer {
     /// `None` for a ray that misses whatever there is, being NaN, infinite or without direction.
     line: Option<Line>,
     hit: Option<Closest>,
-    /// Of the second ray, if there is one.
+    /// Of the secondary ray, if there is one.
     next: Option<NextAnswer>,
 }
 
@@ -106,7 +106,7 @@ pub struct Answers<'a> {
     answers: Vec<Answer>,
 }
 
-/// What a second ray may hit: anything ahead.
+/// What a secondary ray may hit: anything ahead.
 const AHEAD: Interval = Interval { near: 0.0, far: f32::INFINITY, is_open: true };
 
 impl<'a> Answers<'a> {
@@ -121,7 +121,8 @@ impl<'a> Answers<'a> {
         Answers { case, tracer: tracer.clone(), answers }
     }
 
-    /// The exact answer of ray `index`, rounded, and that of its second ray; `primitive` is [`NO_PRIMITIVE`] on a miss.
+    /// The exact answer of ray `index`, rounded, and that of its secondary ray; `primitive` is [`NO_PRIMITIVE`] on a
+    /// miss.
     pub fn rounded(&self, index: usize) -> (Hit, Option<Hit>) {
         let answer = &self.answers[index];
         (rounded(answer.hit.as_ref()), answer.next.as_ref().map(|next| rounded(next.hit.as_ref())))
@@ -168,7 +169,7 @@ impl<'a> Answers<'a> {
         let fault = if strictly { second.judge_strictly(next) } else { second.judge_tolerantly(next) };
         match fault {
             Some(Fault::Miss) => Some(Fault::Leak),
-            Some(Fault::Weights) if !strictly => None, // not reported for second rays
+            Some(Fault::Weights) if !strictly => None, // not reported for secondary rays
             other => other,
         }
     }

@@ -44,7 +44,7 @@ pub struct Lists {
 }
 
 impl Lists {
-    /// Lists the hits of all rays exactly, on all cores. Second rays have none.
+    /// Lists the hits of all rays exactly, on all cores. Secondary rays have none.
     pub fn new(case: &Case) -> Lists {
         let tracer = ExactTracer::new(&case.mesh);
         Lists { of_rays: parallel::map_numbers(case.rays.len(), |i| list(&tracer, case, i)) }

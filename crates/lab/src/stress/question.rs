@@ -17,7 +17,7 @@ use raybrook::low_level::tracer::{AllHitsJob, is_hit};
 /// What is asked of each ray.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Question {
-    /// The closest hit, or any, and that of the second ray.
+    /// The closest hit, or any, and that of the secondary ray.
     #[default]
     Closest,
     /// All hits, and how often a surface is crossed.
@@ -42,7 +42,7 @@ impl Question {
     /// In one line.
     pub fn about(self) -> &'static str {
         match self {
-            Question::Closest => "the closest hit, and that of a second ray",
+            Question::Closest => "the closest hit, and that of a secondary ray",
             Question::Lists => "all hits in their order, and with exact hits how often surfaces are crossed",
             Question::Walks => "the closest hit, again and again from the float behind the last one",
         }

@@ -69,7 +69,7 @@ impl Replay {
             what: &format!("{}: a mesh of {} triangles", self.mesh.display(), scene.triangle_count()),
             bytes: SceneBuffers::estimated_bytes(scene, &TraceOptions::DEFAULT),
             decided_by: DecidedBy::Input,
-            remedy: "take a model of fewer triangles, or raise --memory-limit",
+            remedy: "take a model of fewer triangles, or raise `memory_limit`",
         })?;
         Ok(Case::from_batch(Mesh::try_from(scene)?, &batch))
     }

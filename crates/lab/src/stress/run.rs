@@ -18,7 +18,7 @@ use std::sync::Arc;
 pub struct Found {
     /// The hits.
     pub hits: Vec<Hit>,
-    /// Those of the second rays, if the case has some.
+    /// Those of the secondary rays, if the case has some.
     pub next_hits: Option<Vec<Hit>>,
 }
 

@@ -97,10 +97,10 @@ pub fn distance_to(line: &Line, corners: [DVec3; 3]) -> (f64, f64) {
     (0..3).map(on_edge).min_by(|x, y| x.0.total_cmp(&y.0)).unwrap_or((f64::INFINITY, f64::INFINITY))
 }
 
-/// How far off the point of a computed hit may be, at which a second ray starts. Its coordinates are off by EPSILON of
-/// the largest one and 4 EPSILON of the triangle's size on each axis (`cl/shared/ray.cl`, point_error; 2 more for the
-/// weights' own roundings), and the weights' error moves it sideways by `tolerance`'s lateral part, within the plane by
-/// 1 / cosine as much, though never out of the triangle.
+/// How far off the point of a computed hit may be, at which a secondary ray starts. Its coordinates are off by EPSILON
+/// of the largest one and 4 EPSILON of the triangle's size on each axis (`cl/shared/ray.cl`, point_error; 2 more for
+/// the weights' own roundings), and the weights' error moves it sideways by `tolerance`'s lateral part, within the
+/// plane by 1 / cosine as much, though never out of the triangle.
 pub fn point_error(line: &Line, corners: [DVec3; 3], tolerance: &Tolerance) -> f64 {
     const AXES: f64 = 1.8; // above sqrt(3)
     let largest = corners.iter().map(|p| p.abs().max_element()).fold(0.0, f64::max);

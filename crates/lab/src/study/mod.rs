@@ -106,7 +106,7 @@ impl Study {
             let likeness = |study: &&Study| strsim::jaro_winkler(study.name, name);
             let nearest = Study::all().max_by(|a, b| likeness(a).total_cmp(&likeness(b)));
             let hint = nearest.map_or("", |study| study.name);
-            Error::option("NAME", format!("there is no study '{name}'; nearest: {hint}; --list lists all"))
+            Error::option("NAME", format!("there is no study '{name}'; nearest: {hint}; `list` lists all"))
         })
     }
 

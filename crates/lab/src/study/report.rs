@@ -221,7 +221,7 @@ impl Report {
     pub fn of_folder(folder: &Path) -> Result<Report> {
         let found: Vec<Entry> = Study::all().filter_map(|study| read(&folder.join(DATA), study.name)).collect();
         let Some(first) = found.first().cloned() else {
-            return Err(Error::input(folder, None, "there is no report; name its folder by -o"));
+            return Err(Error::input(folder, None, "there is no report in this folder"));
         };
         for entry in found.into_iter().filter(|entry| entry.header == first.header) {
             entry.judged_anew()?;
@@ -414,10 +414,10 @@ fn refuse_unless(is_own: impl Fn(&[u8]) -> bool, path: &Path) -> Result<()> {
     match is_foreign {
         true => {
             let message = format!(
-                "'{}' is not of a report by raybrook and would be replaced; choose another folder",
+                "'{}' is no part of a report by raybrook, and would be replaced; choose another folder",
                 path.display()
             );
-            Err(Error::option("-o", message))
+            Err(Error::option("output", message))
         }
         false => Ok(()),
     }

@@ -1,7 +1,7 @@
 //! The rays of a picture judged one by one, by rational arithmetic.
 //!
 //! Rays are taken from pixels spread over the picture: the camera ray as the device makes it, and the rays that its hit
-//! and the hits behind mirrors and glass send out. A device gets each second ray as pictures have them, as the
+//! and the hits behind mirrors and glass send out. A device gets each secondary ray as pictures have them, as the
 //! direction of a ray that starts in the very point of the triangle that the first one hits. Deeper ones leave the hit
 //! of a ray that begins half-way there, at a float's point far from any surface: one that began where the ray before
 //! ended, rounded, would lie on either side of that surface. Shadow rays are asked twice: for what they hit first, from

@@ -13,8 +13,8 @@ use glam::{DVec2, DVec3, Vec3};
 use raybrook::low_level::random::Random;
 use raybrook::low_level::scene::{PROJECTIONS, projected_area};
 
-/// Roundings of a cross product of two differences, twice those of each component, and room: what float32 surely tells
-/// from zero is more.
+/// Roundings of a cross product of two differences, twice those of each component, and a margin: what float32 surely
+/// tells from zero is more.
 const FLOAT_ERROR: f64 = 8.0 * EPSILON;
 /// One ray in so many is aimed at a thin triangle, where there are any.
 const SHARE: usize = 4;

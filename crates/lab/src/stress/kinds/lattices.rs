@@ -16,7 +16,7 @@ pub(super) const KINDS: &[Kind] = &[
         about: "the same with limits exactly at a hit and one float beside it",
         make: lattice_limits,
     },
-    Kind { name: "lattice-next", about: "second rays on a small lattice, within a closed box", make: lattice_next },
+    Kind { name: "lattice-next", about: "secondary rays on a small lattice, within a closed box", make: lattice_next },
     Kind {
         name: "sliver-areas",
         about: "triangles of area 2^-50 to 2^-140, hit within and along their edges",

@@ -63,7 +63,7 @@ impl Kind {
                 likeness(a).total_cmp(&likeness(b))
             });
             let hint = nearest.map_or("", |kind| kind.name);
-            Error::option("KIND", format!("there is no kind '{name}'; nearest: {hint}; --list lists all"))
+            Error::option("KIND", format!("there is no kind '{name}'; nearest: {hint}; `list` lists all"))
         })
     }
 

@@ -1,5 +1,5 @@
-//! Second rays, from exactly where the first one hits: they neither hit the surface that they leave nor skip the next
-//! one.
+//! Secondary rays, from exactly where the first one hits: they neither hit the surface that they leave nor skip the
+//! next one.
 
 use super::Kind;
 use super::seams::blob;

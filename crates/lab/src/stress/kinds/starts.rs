@@ -1,4 +1,4 @@
-//! Second rays whose start or direction has tiny parts, down to the smallest that float32 has.
+//! Secondary rays whose start or direction has tiny parts, down to the smallest that float32 has.
 
 use super::Kind;
 use super::lattices::turned;
@@ -11,17 +11,17 @@ use raybrook::low_level::random::{Random, power_of_two};
 pub(super) const KINDS: &[Kind] = &[
     Kind {
         name: "next-tiny",
-        about: "second rays with components of 2^-100 to 2^-149, from weights as small",
+        about: "secondary rays with components of 2^-100 to 2^-149, from weights as small",
         make: tiny_directions,
     },
     Kind {
         name: "next-raised",
-        about: "second rays from triangles that have a corner 2^-98 to 2^-149 above their plane",
+        about: "secondary rays from triangles that have a corner 2^-98 to 2^-149 above their plane",
         make: raised,
     },
     Kind {
         name: "next-small",
-        about: "second rays from triangles of size 2^-20 to 2^-140 to others of size 1",
+        about: "secondary rays from triangles of size 2^-20 to 2^-140 to others of size 1",
         make: small_starts,
     },
 ];

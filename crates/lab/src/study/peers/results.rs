@@ -86,7 +86,7 @@ pub(super) struct Results<'a> {
     /// The function that traced.
     pub call: &'a str,
     pub hits: Vec<Hit>,
-    /// Of the second rays, if the set has some.
+    /// Of the secondary rays, if the set has some.
     pub next_hits: Option<Vec<Hit>>,
 }
 
