@@ -1,4 +1,4 @@
-"""The right answers to rays, by fractions of exact integers: nothing is rounded. Slow, and short enough to check."""
+"""The right answers to rays, by fractions of integers: nothing is rounded. Slow, and short enough to check."""
 
 from fractions import Fraction
 
@@ -46,7 +46,7 @@ def _candidates(corners, rays):
 
 
 def _whole(numbers, bits):
-    """float32 numbers times 2^bits, as Python's exact integers."""
+    """float32 numbers times 2^bits, as Python's integers."""
     mantissas, exponents = np.frexp(numbers.astype(np.float64))
     mantissas = (mantissas * 2**24).astype(np.int64).astype(object)
     shifts = exponents.astype(int) - 24 + bits
