@@ -41,9 +41,11 @@ INSTALL_LIMIT=300
 heading() { printf '\n=== %s ===\n' "$1"; }
 fail() { printf '%s: %s\n' "$0" "$1" >&2; exit 1; }
 
-# A library that the dynamic linker knows by that name.
+# A library that the dynamic linker knows by that name. The whole list is read: where a reader leaves early, who writes
+# fails, and with it, where `pipefail` is set, the answer.
 find_library() {
-    { /sbin/ldconfig -p || ldconfig -p; } 2>/dev/null | awk -v name="$1" '$1 == name { print $NF; exit }' | grep .
+    { /sbin/ldconfig -p || ldconfig -p; } 2>/dev/null |
+        awk -v name="$1" '$1 == name && !found { print $NF; found = 1 } END { exit !found }'
 }
 
 intel_folder() { printf '%s\n' "${RAYBROOK_INTEL_OPENCL:-${XDG_CACHE_HOME:-$HOME/.cache}/raybrook-intel-opencl}"; }
