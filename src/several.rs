@@ -128,9 +128,8 @@ pub(crate) fn share_out<'a>(
     let worker = |number: usize| Worker { queue: &queue, number, pieces, watcher };
     let mut shares: Vec<DeviceShare> = std::thread::scope(|scope| {
         let work = |(number, device): (usize, DeviceTracer<'a>)| {
-            let (worker, is_processor) = (worker(number), device.is_processor && count > 1);
-            let run = move || worker.run(device);
-            scope.spawn(move || if is_processor { parallel::on_own_threads(run) } else { run() })
+            let worker = worker(number);
+            scope.spawn(move || worker.run_when_needed(device, count > 1))
         };
         let threads: Vec<_> = devices.into_iter().enumerate().map(work).collect();
         threads.into_iter().map(|thread| thread.join().unwrap_or_else(|panic| resume_unwind(panic))).collect()
@@ -170,13 +169,18 @@ struct Worker<'a> {
 }
 
 impl Worker<'_> {
+    /// Nothing is opened of a device that is not needed: nobody waits for its compiler.
+    fn run_when_needed(&self, device: DeviceTracer, has_others: bool) -> DeviceShare {
+        match self.queue.wait(self.number) {
+            false => DeviceShare { name: device.name, pieces: 0, busy_s: 0.0 },
+            true if device.is_processor && has_others => parallel::on_own_threads(|| self.run(device)),
+            true => self.run(device),
+        }
+    }
+
     fn run(&self, DeviceTracer { name, open, .. }: DeviceTracer) -> DeviceShare {
         let _ending = Ending(self.queue);
         let mut share = DeviceShare { name, pieces: 0, busy_s: 0.0 };
-        // Nobody waits for the compiler of a device that is not needed.
-        if !self.queue.wait(self.number) {
-            return share;
-        }
         let ended = open().and_then(|(buffers, mut tracer)| {
             self.queue.lock().was_ready = true;
             let ended = self.work((tracer.as_mut(), &buffers), &mut share);

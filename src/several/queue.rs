@@ -14,25 +14,38 @@ struct Flight {
     is_backed: bool,
 }
 
+/// A device, and what is known of it.
+#[derive(Default)]
+struct Member {
+    /// Whether it is this machine's processor.
+    is_processor: bool,
+    /// Whether it does nothing: it has failed, or is the last resort and has not begun.
+    is_out: bool,
+    flight: Option<Flight>,
+    /// Pieces that it did when it was at work last, and how many a second.
+    last: Option<(usize, f64)>,
+    /// Pieces that it did in all, and the seconds that they took.
+    pieces: usize,
+    seconds: f64,
+}
+
+impl Member {
+    /// Pieces a second that it did in all.
+    fn speed(&self) -> Option<f64> {
+        (self.pieces > 0).then(|| self.pieces as f64 / self.seconds)
+    }
+}
+
 /// What is left of the work.
 pub(super) struct State {
     /// Pieces that nobody is at, in units that are not divided.
     units: VecDeque<Vec<usize>>,
     pub finished: HashSet<usize>,
     pub all: usize,
-    flights: Vec<Option<Flight>>,
-    /// Pieces a second of each device when it was at work last, where that is known, and how many these were.
-    rates: Vec<Option<f64>>,
-    last: Vec<usize>,
-    /// Pieces that each device has done in all, and seconds that they took.
-    totals: Vec<(usize, f64)>,
-    /// The devices that are this machine's processor, and those that have failed.
-    processors: Vec<bool>,
-    lost: Vec<bool>,
+    /// The devices, and behind them the last resort, if there is one.
+    members: Vec<Member>,
     /// How many seconds a device may take for what it has at a time.
     most_time: f64,
-    /// Devices that have not failed.
-    alive: usize,
     /// Whether any device was ready to work.
     pub was_ready: bool,
     /// Whether a device was lost in the middle of its work.
@@ -84,24 +97,17 @@ impl Queue {
     /// with `has_last_resort` one more works where all of these have failed.
     pub fn new(
         (units, most_time): (Vec<Vec<usize>>, Option<Duration>),
-        mut processors: Vec<bool>,
+        processors: Vec<bool>,
         has_last_resort: bool,
     ) -> Queue {
-        let devices = processors.len();
-        let workers = devices + usize::from(has_last_resort);
-        processors.resize(workers, true);
+        let devices = processors.into_iter().map(|is_processor| Member { is_processor, ..Member::default() });
+        let last_resort = has_last_resort.then(|| Member { is_processor: true, is_out: true, ..Member::default() });
         let state = State {
             all: units.iter().map(Vec::len).sum(),
             units: units.into(),
             finished: HashSet::new(),
-            flights: (0..workers).map(|_| None).collect(),
-            rates: vec![None; workers],
-            last: vec![0; workers],
-            totals: vec![(0, 0.0); workers],
-            processors,
-            lost: vec![false; workers],
+            members: devices.chain(last_resort).collect(),
             most_time: most_time.map_or(f64::INFINITY, |time| time.as_secs_f64()),
-            alive: devices,
             was_ready: false,
             was_lost: false,
             has_last_resort,
@@ -124,8 +130,7 @@ impl Queue {
             if let Some(job) = state.next(worker) {
                 return Some(job);
             }
-            let waited = self.changed.wait_timeout(state, LOOKS_EVERY);
-            state = waited.unwrap_or_else(PoisonError::into_inner).0;
+            state = self.later(state);
         }
     }
 
@@ -133,21 +138,26 @@ impl Queue {
     pub fn wait(&self, worker: usize) -> bool {
         let mut state = self.lock();
         while !state.is_over() && state.is_left_out(worker) {
-            let waited = self.changed.wait_timeout(state, LOOKS_EVERY);
-            state = waited.unwrap_or_else(PoisonError::into_inner).0;
+            state = self.later(state);
         }
         !state.is_over()
+    }
+
+    /// Waits until something has changed, or may look different by the time that has passed.
+    fn later<'q>(&'q self, state: MutexGuard<'q, State>) -> MutexGuard<'q, State> {
+        self.changed.wait_timeout(state, LOOKS_EVERY).unwrap_or_else(PoisonError::into_inner).0
     }
 
     /// A device has come to the end of what it took.
     pub fn leave(&self, worker: usize, pieces: usize, took: Duration) {
         let mut state = self.lock();
-        state.flights[worker] = None;
+        let member = &mut state.members[worker];
+        member.flight = None;
         if pieces > 0 {
-            state.last[worker] = pieces;
-            let total = &mut state.totals[worker];
-            *total = (total.0 + pieces, total.1 + took.as_secs_f64().max(1e-3));
-            state.rates[worker] = Some(pieces as f64 / took.as_secs_f64().max(1e-3));
+            let seconds = took.as_secs_f64().max(1e-3);
+            member.last = Some((pieces, pieces as f64 / seconds));
+            member.pieces += pieces;
+            member.seconds += seconds;
         }
         self.changed.notify_all();
     }
@@ -161,10 +171,9 @@ impl Queue {
     /// A device has failed: what it had is to be done by others, if there are any.
     pub fn lose(&self, worker: usize, name: &str, error: Error, watcher: &dyn Watcher) {
         let mut state = self.lock();
-        state.alive -= 1;
-        state.lost[worker] = true;
-        (state.rates[worker], state.totals[worker]) = (None, (0, 0.0));
-        if let Some(flight) = state.flights[worker].take() {
+        let is_processor = state.members[worker].is_processor;
+        let out = Member { is_processor, is_out: true, ..Member::default() };
+        if let Some(flight) = std::mem::replace(&mut state.members[worker], out).flight {
             let left: Vec<usize> = flight.pieces.into_iter().filter(|piece| !state.finished.contains(piece)).collect();
             if !left.is_empty() {
                 state.units.push_front(left);
@@ -185,7 +194,11 @@ impl Queue {
     pub fn begin_last_resort(&self) -> bool {
         let mut state = self.lock();
         let begins = state.has_last_resort && !state.is_over();
-        (state.has_last_resort, state.alive) = (false, 1);
+        if std::mem::take(&mut state.has_last_resort)
+            && let Some(member) = state.members.last_mut()
+        {
+            member.is_out = false;
+        }
         begins
     }
 }
@@ -197,7 +210,7 @@ impl State {
 
     /// Who goes on where a device has failed, if anybody can.
     fn takeover(&self, error: &Error) -> Option<Takeover> {
-        match self.alive {
+        match self.members.iter().filter(|member| !member.is_out).count() {
             _ if !error.is_of_device() => None,
             // What keeps every device from beginning is to be mended; it is not a device that is lost.
             0 => (self.has_last_resort && self.was_lost).then_some(Takeover::LastResort),
@@ -221,26 +234,21 @@ impl State {
             self.units.pop_front();
         }
         pieces.sort_unstable();
-        self.flights[worker] = Some(Flight { begun: Instant::now(), pieces: pieces.clone(), is_backed: false });
+        self.members[worker].flight = Some(Flight { begun: Instant::now(), pieces: pieces.clone(), is_backed: false });
         Some(Job { together: pieces.len(), pieces })
-    }
-
-    /// Pieces a second that a device did in all.
-    fn speed(&self, worker: usize) -> Option<f64> {
-        let (pieces, seconds) = self.totals[worker];
-        (pieces > 0).then(|| pieces as f64 / seconds)
     }
 
     /// Whether a device is a processor that is to do nothing, or nothing yet, because of others that need its cores.
     fn is_left_out(&self, worker: usize) -> bool {
-        let others = || (0..self.totals.len()).filter(|&other| !self.processors[other] && !self.lost[other]);
-        if !self.processors[worker] || others().next().is_none() {
+        let own = &self.members[worker];
+        let others = || self.members.iter().filter(|other| !other.is_processor && !other.is_out);
+        if !own.is_processor || others().next().is_none() {
             return false;
         }
-        let speed: f64 = others().filter_map(|other| self.speed(other)).sum();
-        let worked = others().map(|other| self.totals[other].1).fold(0.0, f64::max);
+        let speed: f64 = others().filter_map(Member::speed).sum();
+        let worked = others().map(|other| other.seconds).fold(0.0, f64::max);
         let left: usize = self.units.iter().map(Vec::len).sum();
-        match self.speed(worker) {
+        match own.speed() {
             Some(own) => LEFT_OUT_FROM * own < speed,
             None => worked < BEGINS_AFTER || (left as f64) < BEGINS_AFTER * speed,
         }
@@ -248,39 +256,42 @@ impl State {
 
     /// How many pieces a device is to take.
     fn wanted(&self, worker: usize) -> f64 {
-        let Some(rate) = self.rates[worker] else { return 1.0 };
-        let all: f64 = self.rates.iter().flatten().sum();
+        let own = &self.members[worker];
+        let (Some((last, rate)), Some(speed)) = (own.last, own.speed()) else { return 1.0 };
+        let all: f64 = self.members.iter().filter_map(|member| member.last).map(|(_, rate)| rate).sum();
         let left: usize = self.units.iter().map(Vec::len).sum();
         let all_s = left as f64 / all;
         let fair = rate * (PART_OF_REST * all_s).max(LEAST_TIME);
         // Few pieces at a time keep no device busy, so that its rate is no measure: more of them show what it can do.
-        let more = (GROWTH * self.last[worker]) as f64;
+        let more = (GROWTH * last) as f64;
         let wanted = if more <= rate * all_s { fair.max(more) } else { fair };
-        let speeds: f64 = (0..self.totals.len()).filter_map(|other| self.speed(other)).sum();
-        let most = PART_OF_SHARE * self.all as f64 * self.speed(worker).map_or(1.0, |own| own / speeds);
-        wanted.min(rate * self.most_time).min((MOST_GROWTH * self.last[worker]) as f64).min(most)
+        let speeds: f64 = self.members.iter().filter_map(Member::speed).sum();
+        let most = PART_OF_SHARE * self.all as f64 * (speed / speeds);
+        wanted.min(rate * self.most_time).min((MOST_GROWTH * last) as f64).min(most)
     }
 
     /// What a slower device has not finished, from its end on.
     fn backup(&mut self, worker: usize) -> Option<Job> {
-        let own = self.speed(worker)?;
-        let is_slow = |other: usize, flight: &Flight| {
+        let own = self.members[worker].speed()?;
+        let is_slow = |member: &Member, flight: &Flight| {
             let seconds = flight.pieces.len() as f64 / own;
-            self.speed(other).is_none_or(|speed| HELPS_FROM * speed < own)
+            member.speed().is_none_or(|speed| HELPS_FROM * speed < own)
                 || flight.begun.elapsed().as_secs_f64() > OVERDUE * seconds
         };
-        let others = self.flights.iter().enumerate().filter(|(other, _)| *other != worker);
-        let others = others.filter_map(|(other, flight)| Some((other, flight.as_ref()?)));
-        let slow = others.filter(|(other, flight)| !flight.is_backed && is_slow(*other, flight));
         let left = |flight: &Flight| -> Vec<usize> {
             flight.pieces.iter().rev().filter(|piece| !self.finished.contains(piece)).copied().collect()
         };
-        let (other, pieces) = slow.map(|(other, flight)| (other, left(flight))).max_by_key(|(_, left)| left.len())?;
+        let others = self.members.iter().enumerate().filter(|(other, _)| *other != worker);
+        let slow = others.filter_map(|(other, member)| {
+            let flight = member.flight.as_ref().filter(|flight| !flight.is_backed && is_slow(member, flight))?;
+            Some((other, left(flight)))
+        });
+        let (other, pieces) = slow.max_by_key(|(_, left)| left.len())?;
         if pieces.is_empty() {
             return None;
         }
-        self.flights[other].iter_mut().for_each(|flight| flight.is_backed = true);
-        self.flights[worker] = Some(Flight { begun: Instant::now(), pieces: pieces.clone(), is_backed: true });
+        self.members[other].flight.iter_mut().for_each(|flight| flight.is_backed = true);
+        self.members[worker].flight = Some(Flight { begun: Instant::now(), pieces: pieces.clone(), is_backed: true });
         Some(Job { pieces, together: ((own * HELP_TIME) as usize).max(1) })
     }
 }
@@ -370,7 +381,8 @@ mod tests {
         queue.leave(0, 1, second);
         assert_eq!(queue.lock().next(0), None, "both are as fast, as far as is known");
         let begin_before = |time: Duration| {
-            queue.lock().flights[1]
+            queue.lock().members[1]
+                .flight
                 .iter_mut()
                 .for_each(|flight| flight.begun = Instant::now().checked_sub(time).unwrap());
         };

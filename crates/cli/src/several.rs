@@ -151,8 +151,10 @@ pub fn with_first<T>(
                     return Ok(Some(done));
                 }
                 Err(error) => {
-                    // A driver that failed may hang in the release of what is left.
-                    std::mem::forget(tracer);
+                    if error.is_lost_device() {
+                        // A driver that failed may hang in the release of what is left.
+                        std::mem::forget(tracer);
+                    }
                     error
                 }
             },
