@@ -374,13 +374,11 @@ impl SceneBuffers {
             pixel_width: 2.0 / samples.intervals(width) as f32,
             pixel_height: 2.0 / samples.intervals(height) as f32,
             sample_weight: 1.0 / samples.per_pixel() as f32,
-            ray_count: 0,
             pixel_size: {
                 let side = |half: f64, pixels| 2.0 * half / f64::from(samples.intervals(pixels));
                 (side(half_width, width) * side(half_height, height)).sqrt() as f32
             },
-            roulette_weight: 0.0,
-            first_pixel: 0,
+            ..RenderParams::default()
         }
     }
 }

@@ -446,6 +446,15 @@ device_struct! {
         pub roulette_weight: f32,
         /// Of a part of a picture the place of its first pixel in the picture: column | row << 16.
         pub first_pixel: u32,
+        /// 0, or where each sample of a pixel is an item of its own for how many of them there is room. Another kernel
+        /// adds them to the pixels.
+        pub samples_apart: u32,
+        /// Fill the struct up to a multiple of 16 bytes.
+        pub pad_x: u32,
+        /// 0.
+        pub pad_y: u32,
+        /// 0.
+        pub pad_z: u32,
     }
 }
 

@@ -52,6 +52,10 @@ float3 radiance_along(SCENE_PARAMETERS, __global const RenderParams* render, Pen
 // Adds the samples from first_sample to end_sample to the pixels, in the order of their numbers whatever the host does
 // in one launch. Items: see pixel_of_item(). `film`: linear RGB, row by row, top row first; sums until the last sample
 // is there. Work records: two a pixel, of its camera rays and of all others.
+//
+// Where samples are apart, and a launch has several of a pixel, each is an item: those of a pixel follow each other, so
+// that what runs in step traces much the same rays, and no pixel takes as long as all of its samples. `film` then has
+// the radiance of each item, of as many as there is room for; add_samples() adds them to the pixels.
 __kernel void render(SCENE_ARGUMENTS, __global const RenderParams* restrict render,
                      __global const CameraSample* restrict samples, __global float4* restrict film,
                      volatile __global uint* restrict counters, WORK_ARGUMENT DEFERRED_ARGUMENT const uint first_sample,
@@ -59,7 +63,8 @@ __kernel void render(SCENE_ARGUMENTS, __global const RenderParams* restrict rend
     const uint number = first + (uint)get_global_id(0);
     if (number >= end) return;
     const uint item = ITEM_OF(number);
-    const uint2 pixel = pixel_of_item(render, item);
+    const uint apart = items_of_pixel(render, first_sample, end_sample);
+    const uint2 pixel = pixel_of_item(render, item / apart);
     if (!is_in_film(render, pixel)) return;
 
     TRAVERSAL_STATE
@@ -67,16 +72,16 @@ __kernel void render(SCENE_ARGUMENTS, __global const RenderParams* restrict rend
     WORK_SUMS(camera_work)
     const Scene scene = MAKE_SCENE;
     uint counts[COUNTERS] = {0};
-    const uint place = pixel.y * render->width + pixel.x;
-    float3 sum = first_sample == 0u ? (float3)(0.0f) : film[place].xyz;
-    for (uint s = first_sample; s < end_sample; s++) {
+    float3 sum = first_sum(render, film, pixel, first_sample, apart);
+    const uint from = first_sample + item % apart;
+    for (uint s = from; s < end_sample; s += apart) {
         const uint camera_ray = hash_place(camera_sample(render, samples, pixel, s));
         sum += radiance_along(SCENE_AT(&scene), render, first_of_path(render, samples, pixel, s), camera_ray, counts);
     }
     NOTE_DEFERRED(item);
     if (IS_DEFERRED) return;
-    film[place] = sum_of_samples(render, sum, end_sample);
-    STORE_WORK(&scene.camera_geometry, 2u * place);
-    STORE_WORK(&scene.geometry, 2u * place + 1u);
+    store_sum(render, film, item, apart, end_sample, sum);
+    STORE_WORK(&scene.camera_geometry, 2u * (pixel.y * render->width + pixel.x));
+    STORE_WORK(&scene.geometry, 2u * (pixel.y * render->width + pixel.x) + 1u);
     add_counts(counts, counters, item);
 }

@@ -1,16 +1,16 @@
-// The mega-kernel in packets: a work-item renders tiles of PACKETS_OF_ITEM times sixteen pixels. A tile's camera rays
-// are traced together; then sixteen pixels at a time, two rows of eight, go on in step: the rays of all of them that
-// are next are traced together, and so are their shadow rays to one lamp. What they have hit is computed for sixteen
-// lanes at once (packets/surfaces.cl); a ray of one lane is only made where it is traced by itself. Each pixel's own
-// order is that of render.cl, so that its colour is the same to the bit.
+// The mega-kernel in packets: a work-item renders tiles of PACKETS_OF_ITEM times sixteen pixels, or samples of pixels
+// (render.cl). A tile's camera rays are traced together; then sixteen items at a time, of pixels two rows of eight, go
+// on in step: the rays of all of them that are next are traced together, and so are their shadow rays to one lamp. What
+// they have hit is computed for sixteen lanes at once (packets/surfaces.cl); a ray of one lane is only made where it is
+// traced by itself. Each pixel's own order is that of render.cl, so that its colour is the same to the bit.
 
-// What is kept of a pixel from sample to sample.
+// What is kept of an item from sample to sample.
 typedef struct {
     float3 sum; // of the samples before
     uint counts[COUNTERS];
 } Pixel;
 
-// Pixels of a tile.
+// Items of a tile.
 #define TILE_ITEMS (16u * PACKETS_OF_ITEM)
 
 // A sample on its way.
@@ -32,12 +32,13 @@ typedef struct {
     float3 towards;      // and its direction there
 } Path;
 
-// Sixteen pixels: the first item, the number of the sample that is rendered, and the lanes that are left to the second
-// pass. Only camera rays are also traced for those that follow; their lanes count on.
+// Sixteen items: the first one, how many are samples of the same pixel, the number of the sample that is rendered, or
+// of those the first, and the lanes that are left to the second pass. Only camera rays are also traced for the items
+// that follow; their lanes count on.
 typedef struct {
     __global const RenderParams* render;
     __global const CameraSample* samples;
-    uint item, sample;
+    uint item, apart, sample;
     Pixel* pixels;
     Path* paths;
     ulong* is_deferred;
@@ -51,11 +52,35 @@ typedef struct {
 
 const WaitingRay* waiting_ray(const Path* path) { return &path->stack[path->stacked]; }
 
+// Where an item lies: its pixel, and which of those that are samples of the same pixel it is. From item to item this
+// takes a division for each pixel only.
+typedef struct {
+    uint number, sample; // of the pixel, and in it
+    uint2 pixel;
+} ItemPlace;
+
+ItemPlace place_of_item(__global const RenderParams* render, uint item, uint apart) {
+    const ItemPlace place = {item / apart, item % apart, pixel_of_item(render, item / apart)};
+    return place;
+}
+
+void next_item(__global const RenderParams* render, uint apart, ItemPlace* place) {
+    if (++place->sample < apart) return;
+    place->sample = 0u;
+    place->pixel = pixel_of_item(render, ++place->number);
+}
+
+// A lane's pixel, and the number of its sample.
+uint2 pixel_of_lane(const PixelGroup* group, uint lane) {
+    return pixel_of_item(group->render, (group->item + lane) / group->apart);
+}
+uint sample_of_lane(const PixelGroup* group, uint lane) { return group->sample + (group->item + lane) % group->apart; }
+
 // A camera ray or one that was waiting.
 void take_pending(const PixelGroup* group, const uint kind, uint lane, PendingRay* pending) {
     if (kind == CAMERA_RAYS)
-        *pending = first_of_path(group->render, group->samples, pixel_of_item(group->render, group->item + lane),
-                                 group->sample);
+        *pending =
+            first_of_path(group->render, group->samples, pixel_of_lane(group, lane), sample_of_lane(group, lane));
     else
         *pending = load_pending(waiting_ray(&group->paths[lane]));
 }
@@ -63,10 +88,10 @@ void take_pending(const PixelGroup* group, const uint kind, uint lane, PendingRa
 // All of it but the ray.
 void take_history(const PixelGroup* group, const uint kind, uint lane, PendingRay* pending) {
     if (kind == CAMERA_RAYS)
-        begin_path(group->render,
-                   camera_sample(group->render, group->samples, pixel_of_item(group->render, group->item + lane),
-                                 group->sample),
-                   pending);
+        begin_path(
+            group->render,
+            camera_sample(group->render, group->samples, pixel_of_lane(group, lane), sample_of_lane(group, lane)),
+            pending);
     else
         load_history(waiting_ray(&group->paths[lane]), pending);
 }
@@ -102,25 +127,27 @@ void pack_rays(const PixelGroup* group, const uint kind, ulong lanes, RayPacket*
     }
 }
 
-// The camera rays of `lanes` from item `item` on, as first_of_path() makes them.
-void pack_camera_rays(const PixelGroup* group, uint item, ulong lanes, RayPacket* p) {
+// The camera rays of `lanes` from lane `from` on, as first_of_path() makes them.
+void pack_camera_rays(const PixelGroup* group, uint from, ulong lanes, RayPacket* p) {
     __global const RenderParams* render = group->render;
-    const uint2 first = place_in_picture(render, pixel_of_item(render, item));
-    const int16 lane = (int16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
     const int16 is_ray = mask_of_lanes16(lanes);
-    float16 x = convert_float16((int)first.x + lane % (int)TILE_SIDE),
-            y = convert_float16((int)first.y + lane / (int)TILE_SIDE);
-    if (render->ray_count == 0u) {
+    float16 x = (float16)(0.0f), y = (float16)(0.0f);
+    if (render->ray_count == 0u && group->apart == 1u) {
+        const uint2 first = place_in_picture(render, pixel_of_lane(group, from));
+        const int16 lane = (int16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
         const CameraSample at = group->samples[group->sample];
-        x += at.x;
-        y += at.y;
+        x = convert_float16((int)first.x + lane % (int)TILE_SIDE) + at.x;
+        y = convert_float16((int)first.y + lane / (int)TILE_SIDE) + at.y;
     } else {
-        for (; lanes != 0ul; lanes = other_lanes8(lanes)) {
-            const uint i = first_lane16(lanes);
-            const uint2 pixel = pixel_of_item(render, item + i);
-            const CameraSample at = group->samples[pixel.y * render->width + pixel.x];
-            set_lane16(&x, i, at.x);
-            set_lane16(&y, i, at.y);
+        ItemPlace place = place_of_item(render, group->item + from, group->apart);
+        for (uint i = 0; i < 16u; i++) {
+            if ((lanes & lane_bit16(i)) != 0ul) {
+                const CameraSample at =
+                    camera_sample(render, group->samples, place.pixel, group->sample + place.sample);
+                set_lane16(&x, i, at.x);
+                set_lane16(&y, i, at.y);
+            }
+            next_item(render, group->apart, &place);
         }
     }
     // camera_direction()
@@ -155,7 +182,7 @@ void trace_lanes(GEOMETRY_PARAMETERS, const PixelGroup* group, const uint kind, 
     for (uint k = 0; k < packets; k++) {
         answer[k].hits = answer[k].together = 0ul;
         if (count_lanes16(lanes[k]) < FEWEST_TOGETHER) continue;
-        if (kind == CAMERA_RAYS) pack_camera_rays(group, group->item + 16u * k, lanes[k], &packet[k]);
+        if (kind == CAMERA_RAYS) pack_camera_rays(group, 16u * k, lanes[k], &packet[k]);
         else pack_rays(group, kind, lanes[k], &packet[k]);
         float16 unit;
         used[k] = make_packet(&packet[k], 1.0f, &unit);
@@ -392,15 +419,15 @@ void follow_paths(SCENE_PARAMETERS, const PixelGroup* group, const uint kind, ul
         path->radiance += path->pending.weight * limit_radiance(path->light.radiance);
         if (depth_of(path->pending.depth) < group->render->max_depth) {
             Killing killing;
-            begin_killing_of_path(group->render, group->samples, pixel_of_item(group->render, group->item + lane),
-                                  group->sample, &killing);
+            begin_killing_of_path(group->render, group->samples, pixel_of_lane(group, lane),
+                                  sample_of_lane(group, lane), &killing);
             path->stacked = push_secondary_rays(&path->surface, &path->material, &path->pending, path->direction,
                                                 &killing, path->stack, path->stacked);
         }
     }
 }
 
-// Adds the sample of the paths of `lanes`, whose camera rays were traced, to their pixels.
+// Adds the sample of the paths of `lanes`, whose camera rays were traced, to their items.
 void add_sample(SCENE_PARAMETERS, const PixelGroup* group, ulong lanes, RayPacket* packet, PacketAnswer* answer) {
     const Geometry* geometry = &scene->geometry;
     for (ulong rest = lanes; rest != 0ul; rest = other_lanes8(rest)) {
@@ -441,38 +468,40 @@ void render_tile(SCENE_PARAMETERS, const PictureLaunch* launch, DEFERRED_ARGUMEN
     const Geometry* geometry = &scene->geometry;
     __global const RenderParams* render = launch->render;
     __global float4* film = launch->film;
+    const uint apart = items_of_pixel(render, launch->first_sample, launch->end_sample);
     Pixel pixels[TILE_ITEMS];
     ulong inside[PACKETS_OF_ITEM], is_deferred[PACKETS_OF_ITEM];
     for (uint k = 0; k < PACKETS_OF_ITEM; k++) inside[k] = is_deferred[k] = 0ul;
-    for (uint i = 0; i < TILE_ITEMS; i++) {
-        const uint2 pixel = pixel_of_item(render, item + i);
-        if (item + i >= launch->end || !is_in_film(render, pixel)) continue;
+    ItemPlace place = place_of_item(render, item, apart);
+    for (uint i = 0; i < TILE_ITEMS; i++, next_item(render, apart, &place)) {
+        if (item + i >= launch->end || !is_in_film(render, place.pixel)) continue;
         inside[i / 16u] |= lane_bit16(i % 16u);
-        pixels[i].sum = launch->first_sample == 0u ? (float3)(0.0f) : film[pixel.y * render->width + pixel.x].xyz;
+        pixels[i].sum = first_sum(render, film, place.pixel, launch->first_sample, apart);
         for (uint j = 0; j < COUNTERS; j++) pixels[i].counts[j] = 0u;
     }
-    for (uint s = launch->first_sample; s < launch->end_sample; s++) {
+    for (uint s = launch->first_sample; s < launch->end_sample; s += apart) {
         Path paths[16];
         RayPacket packets[PACKETS_OF_ITEM];
         PacketAnswer answers[PACKETS_OF_ITEM];
-        const PixelGroup all = {render, launch->samples, item, s, pixels, paths, is_deferred};
+        const PixelGroup all = {render, launch->samples, item, apart, s, pixels, paths, is_deferred};
         trace_lanes(GEOMETRY, &all, CAMERA_RAYS, inside, false, packets, answers);
         for (uint k = 0; k < PACKETS_OF_ITEM; k++) {
             const PixelGroup sixteen = {
-                render, launch->samples, item + 16u * k, s, pixels + 16u * k, paths, is_deferred + k};
+                render, launch->samples, item + 16u * k, apart, s, pixels + 16u * k, paths, is_deferred + k};
             add_sample(SCENE, &sixteen, inside[k], &packets[k], &answers[k]);
         }
     }
+    uint counts[COUNTERS] = {0};
     for (uint i = 0; i < TILE_ITEMS; i++) {
         if ((inside[i / 16u] & lane_bit16(i % 16u)) == 0ul) continue;
         if ((is_deferred[i / 16u] & lane_bit16(i % 16u)) != 0ul) {
             ADD_DEFERRED(item + i);
             continue;
         }
-        const uint2 pixel = pixel_of_item(render, item + i);
-        film[pixel.y * render->width + pixel.x] = sum_of_samples(render, pixels[i].sum, launch->end_sample);
-        add_counts(pixels[i].counts, launch->counters, item + i);
+        store_sum(render, film, item + i, apart, launch->end_sample, pixels[i].sum);
+        for (uint j = 0; j < COUNTERS; j++) counts[j] += pixels[i].counts[j];
     }
+    add_counts(counts, launch->counters, item / TILE_ITEMS);
 }
 
 // As `render`. What is dear in a picture lies together: work-items take the tiles of a launch one after the other, so

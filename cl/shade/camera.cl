@@ -56,11 +56,6 @@ void begin_killing_of_path(__global const RenderParams* render, __global const C
     begin_killing(render, hash_place(camera_sample(render, samples, pixel, s)), killing);
 }
 
-// What the film keeps of the sum of a pixel's samples before number `end`: after the last one their mean.
-float4 sum_of_samples(__global const RenderParams* render, float3 sum, uint end) {
-    return (float4)(end == render->sample_count ? sum * render->sample_weight : sum, 1.0f);
-}
-
 // Whether the film has this pixel. The last row of a list's rays may not be full.
 bool is_in_film(__global const RenderParams* render, uint2 pixel) {
     if (pixel.x >= render->width || pixel.y >= render->height) return false;
@@ -74,6 +69,34 @@ uint2 pixel_of_item(__global const RenderParams* render, uint item) {
     const uint tiles_per_row = (render->width + TILE_SIDE - 1u) / TILE_SIDE;
     return (uint2)(tile % tiles_per_row * TILE_SIDE + in_tile % TILE_SIDE,
                    tile / tiles_per_row * TILE_SIDE + in_tile / TILE_SIDE);
+}
+
+// What the film keeps of the sum of a pixel's samples before number `end`: after the last one their mean.
+float4 sum_of_samples(__global const RenderParams* render, float3 sum, uint end) {
+    return (float4)(end == render->sample_count ? sum * render->sample_weight : sum, 1.0f);
+}
+
+// Items of a pixel in a launch of these samples: see `render`.
+uint items_of_pixel(__global const RenderParams* render, uint first_sample, uint end_sample) {
+    return render->samples_apart != 0u ? end_sample - first_sample : 1u;
+}
+
+// The sum to which an item adds its samples, the first of which has this number.
+float3 first_sum(__global const RenderParams* render, __global const float4* film, uint2 pixel, uint first_sample,
+                 uint apart) {
+    if (first_sample == 0u || apart > 1u) return (float3)(0.0f);
+    return film[pixel.y * render->width + pixel.x].xyz;
+}
+
+// Stores the sum of an item's samples; end_sample: the number behind the launch's last one.
+void store_sum(__global const RenderParams* render, __global float4* film, uint item, uint apart, uint end_sample,
+               float3 sum) {
+    if (apart > 1u) {
+        film[item % render->samples_apart] = (float4)(sum, 1.0f);
+    } else {
+        const uint2 pixel = pixel_of_item(render, item);
+        film[pixel.y * render->width + pixel.x] = sum_of_samples(render, sum, end_sample);
+    }
 }
 
 // Looks for the closest hit of a ray, and counts the ray.

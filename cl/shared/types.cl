@@ -138,6 +138,12 @@ typedef struct {
     // A secondary ray of less weight lives with probability weight / this, and then weighs this; 0: all live.
     float roulette_weight;
     uint first_pixel; // Of a part of a picture the place of its first pixel in the picture: column | row << 16.
+    // 0, or where each sample of a pixel is an item of its own for how many of them there is room. Another kernel adds
+    // them to the pixels.
+    uint samples_apart;
+    uint pad_x; // Fill the struct up to a multiple of 16 bytes.
+    uint pad_y; // 0.
+    uint pad_z; // 0.
 } RenderParams;
 
 // A slot follows one path after the other: a sample of a pixel and all the rays that come of it.

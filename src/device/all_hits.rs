@@ -45,7 +45,7 @@ impl Lister<'_> {
             let arguments = scene.geometry_arguments(kernel)?.set(rays)?.set(&counts)?.set_work(work)?;
             arguments.set(rows.length)?.set(rows.in_bands)?.set(job.most).map(|_| ())
         };
-        let shape = (job.rays.len(), self.work_group);
+        let shape = (0..job.rays.len(), self.work_group);
         let Lister { context, passes, plan, deferred, .. } = self;
         let seconds = passes.run(context, Entry::CountHits, &set, plan, shape, deferred, progress)?;
         Ok((counts.read()?, seconds))
@@ -81,7 +81,7 @@ impl Lister<'_> {
             let arguments = scene.geometry_arguments(kernel)?.set(rays)?.set(&starts)?.set(hits)?;
             arguments.set(part.start as u32).map(|_| ())
         };
-        let shape = (part.len(), self.work_group);
+        let shape = (0..part.len(), self.work_group);
         let Lister { context, passes, plan, deferred, .. } = self;
         passes.run(context, Entry::ListHits, &set, plan, shape, deferred, |_| ())
     }

@@ -14,6 +14,7 @@ pub(super) const LIST_HITS_FILE: &str = "cl/kernels/list_hits.cl";
 const TRACE_PACKETS_FILE: &str = "cl/kernels/trace_packets.cl";
 const RENDER_PACKETS_FILE: &str = "cl/kernels/render_packets.cl";
 const RENDER_FILE: &str = "cl/kernels/render.cl";
+const ADD_SAMPLES_FILE: &str = "cl/kernels/add_samples.cl";
 /// The kernels that [`super::wavefront`] starts.
 pub(super) const WAVEFRONT_FILE: &str = "cl/kernels/wavefront.cl";
 
@@ -22,10 +23,19 @@ pub(super) fn is_shading(file: &str) -> bool {
     ![TRACE_FILE, COUNT_HITS_FILE, LIST_HITS_FILE, TRACE_PACKETS_FILE].contains(&file)
 }
 
+/// The files of the program that has the kernels of this one.
+pub(super) fn files_with(file: &'static str) -> Vec<&'static str> {
+    match file {
+        RENDER_FILE | RENDER_PACKETS_FILE => vec![file, ADD_SAMPLES_FILE],
+        _ => vec![file],
+    }
+}
+
 /// A kernel that the host starts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Entry {
     Render,
+    AddSamples,
     TraceClosest,
     TraceAny,
     TraceNext,
@@ -37,8 +47,9 @@ pub(super) enum Entry {
 }
 
 impl Entry {
-    pub const ALL: [Entry; 9] = [
+    pub const ALL: [Entry; 10] = [
         Entry::Render,
+        Entry::AddSamples,
         Entry::TraceClosest,
         Entry::TraceAny,
         Entry::TraceNext,
@@ -103,13 +114,15 @@ impl Entry {
             | Entry::TraceNext
             | Entry::CountHits
             | Entry::ListHits
-            | Entry::Render => 1,
+            | Entry::Render
+            | Entry::AddSamples => 1,
         }
     }
 
     pub fn name(self) -> &'static str {
         match self {
             Entry::Render => "render",
+            Entry::AddSamples => "add_samples",
             Entry::TraceClosest => "trace_closest",
             Entry::TraceAny => "trace_any",
             Entry::TraceNext => "trace_next",
@@ -125,6 +138,7 @@ impl Entry {
     pub fn file(self) -> &'static str {
         match self {
             Entry::Render => RENDER_FILE,
+            Entry::AddSamples => ADD_SAMPLES_FILE,
             Entry::RenderPackets => RENDER_PACKETS_FILE,
             Entry::TraceClosestPackets | Entry::TraceAnyPackets => TRACE_PACKETS_FILE,
             Entry::TraceClosest | Entry::TraceAny | Entry::TraceNext => TRACE_FILE,

@@ -4,6 +4,7 @@ use super::{Buffer, DeviceContext, DeviceInfo, DeviceKind, Kernel, KernelArg};
 use crate::error::Result;
 use crate::tracer::STOPPABLE_LAUNCH_S;
 use bytemuck::Pod;
+use std::ops::Range;
 
 /// Work is cut into launches of about so many seconds, so that desktops stay alive and watchdogs (typically 2 s) quiet.
 const LAUNCH_S: f64 = 0.1;
@@ -160,10 +161,10 @@ impl<'k> Arguments<'k> {
 }
 
 /// What a kernel is launched over.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub(super) struct Shape {
-    /// Rays, or pixels.
-    pub total: usize,
+    /// Rays, pixels, or samples of pixels: from this number to that.
+    pub items: Range<usize>,
     /// Work-items of a work-group.
     pub work_group: usize,
     /// Rays or pixels that a work-item takes at a time.
@@ -173,19 +174,19 @@ pub(super) struct Shape {
     pub workers: Option<usize>,
 }
 
-/// Launches `kernel` over items `0..total` in parts, its last two arguments being the first item and the end of a part.
+/// Launches `kernel` over the items in parts, its last two arguments being the first item and the end of a part.
 /// Returns seconds of device time.
 pub(super) fn launch(
     kernel: &mut Kernel,
     plan: &mut LaunchPlan,
-    Shape { total, work_group, items_of_one, workers }: Shape,
+    Shape { items: all, work_group, items_of_one, workers }: Shape,
     mut progress: impl FnMut(usize),
 ) -> Result<f64> {
     let bounds = kernel.arg_count() - 2;
     let mut seconds = 0.0;
-    let mut first = 0;
-    while first < total {
-        let items = plan.next(total - first, work_group * items_of_one);
+    let mut first = all.start;
+    while first < all.end {
+        let items = plan.next(all.end - first, work_group * items_of_one);
         kernel.set_arg(bounds, first as u32)?;
         kernel.set_arg(bounds + 1, (first + items) as u32)?;
         let work_items = workers.unwrap_or(items.div_ceil(items_of_one));

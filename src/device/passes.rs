@@ -3,10 +3,11 @@
 
 use super::deferred::Deferred;
 use super::definitions::Definitions;
-use super::entry::{Entry, Pass};
+use super::entry::{Entry, Pass, files_with};
 use super::launch::{FIRST_ITEMS, LaunchPlan, Shape, launch};
 use super::{Cache, CompileOptions, DeviceContext, DeviceInfo, DeviceKind, Kernel, Program, ProgramSource, build};
 use crate::error::Result;
+use std::ops::Range;
 
 /// The kernels of a tracer.
 pub(super) struct Passes {
@@ -48,10 +49,10 @@ impl Passes {
         self.definitions.defers
     }
 
-    /// Compiles one pass of the kernels in `file`, and no others: compilers take long.
-    pub fn program(&mut self, context: &DeviceContext, pass: Pass, file: &str) -> Result<Program> {
+    /// Compiles one pass of the kernels in `file` and of what goes with them, and no others: compilers take long.
+    pub fn program(&mut self, context: &DeviceContext, pass: Pass, file: &'static str) -> Result<Program> {
         let options = self.definitions.of_pass(pass, file);
-        self.build(context, &ProgramSource::kernels(&[file]), &options)
+        self.build(context, &ProgramSource::kernels(&files_with(file)), &options)
     }
 
     /// Compiles what has nothing to do with tracing.
@@ -76,7 +77,8 @@ impl Passes {
     fn kernel(&mut self, context: &DeviceContext, pass: Pass, entry: Entry) -> Result<&mut Kernel> {
         if !self.kernels.iter().any(|known| (known.0, known.1) == (pass, entry)) {
             let program = self.program(context, pass, entry.file())?;
-            for other in Entry::ALL.into_iter().filter(|other| other.file() == entry.file()) {
+            let files = files_with(entry.file());
+            for other in Entry::ALL.into_iter().filter(|other| files.contains(&other.file())) {
                 self.kernels.push((pass, other, program.kernel(other.name())?));
             }
         }
@@ -84,7 +86,23 @@ impl Passes {
         Ok(&mut known.expect("it was just added").2)
     }
 
-    /// Runs a kernel over `total` items in work-groups of `work_group`, and again over those that it defers; `set` sets
+    /// Runs a kernel that takes next to no time over `items` in work-groups of `work_group`, at once; `set` sets
+    /// all arguments but the last two. Returns seconds of device time.
+    pub fn run_short(
+        &mut self,
+        context: &DeviceContext,
+        entry: Entry,
+        set: &dyn Fn(&mut Kernel) -> Result<()>,
+        (items, work_group): (Range<usize>, usize),
+    ) -> Result<f64> {
+        let kernel = self.kernel(context, Pass::First, entry)?;
+        set(kernel)?;
+        let mut plan = LaunchPlan::on(context, items.len());
+        let shape = Shape { items, work_group, items_of_one: entry.items_of_one(), workers: None };
+        launch(kernel, &mut plan, shape, |_| ())
+    }
+
+    /// Runs a kernel over `items` in work-groups of `work_group`, and again over those that it defers; `set` sets
     /// all arguments but the last two. Returns seconds of device time.
     #[allow(clippy::too_many_arguments)] // of which a struct would only be made to be taken apart
     pub fn run(
@@ -93,7 +111,7 @@ impl Passes {
         entry: Entry,
         set: &dyn Fn(&mut Kernel) -> Result<()>,
         plan: &mut LaunchPlan,
-        (total, work_group): (usize, usize),
+        (items, work_group): (Range<usize>, usize),
         deferred: &Deferred,
         mut progress: impl FnMut(usize),
     ) -> Result<f64> {
@@ -102,12 +120,12 @@ impl Passes {
         let units = (context.info().compute_units as usize).max(1);
         // A work-group has as many items whatever a work-item has of them, if it has not more: what these keep shall
         // stay in cache.
-        let shape = |total, entry: Entry| {
+        let shape = |items, entry: Entry| {
             let items_of_one = entry.items_of_one();
             let workers = entry.has_queue().then_some(WORKERS_OF_UNIT * units);
-            Shape { total, work_group: work_group.div_ceil(items_of_one), items_of_one, workers }
+            Shape { items, work_group: work_group.div_ceil(items_of_one), items_of_one, workers }
         };
-        let mut seconds = launch(kernel, plan, shape(total, entry), &mut progress)?;
+        let mut seconds = launch(kernel, plan, shape(items, entry), &mut progress)?;
         if !self.defers() {
             return Ok(seconds);
         }
@@ -124,7 +142,7 @@ impl Passes {
             let mut plan = LaunchPlan::on(context, FIRST_ITEMS);
             let most = if kind == DeviceKind::Cpu { 1 } else { work_group };
             let work_group = (count / (SECOND_GROUPS_OF_UNIT * units)).clamp(1, most);
-            let shape = Shape { work_group, ..shape(count, entry.second()) };
+            let shape = Shape { work_group, ..shape(0..count, entry.second()) };
             seconds += launch(kernel, &mut plan, shape, |_| progress(0))?;
             deferred.items.write(&[0])?;
         }

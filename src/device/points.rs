@@ -83,7 +83,7 @@ impl PointProgram {
         let arguments = Arguments::of(&mut self.kernel).set(&scene.nodes)?.set(&scene.references)?;
         arguments.set(&scene.vertices)?.set(&points)?.set(&counts)?.set(&listed)?;
         let mut done = 0;
-        let shape = Shape { total, work_group, items_of_one: 1, workers: None };
+        let shape = Shape { items: 0..total, work_group, items_of_one: 1, workers: None };
         let kernel_s = launch(&mut self.kernel, &mut self.plan, shape, |items| {
             done += items;
             progress(done as f64 / total as f64);

@@ -115,6 +115,7 @@ const ENTRY_FILES: &[(&str, &str)] = kernel_files![
     "cl/kernels/trace_packets.cl",
     "cl/kernels/render.cl",
     "cl/kernels/render_packets.cl",
+    "cl/kernels/add_samples.cl",
     "cl/kernels/wavefront.cl"
 ];
 

@@ -19,7 +19,7 @@ use crate::error::{Error, Result};
 use crate::features::Features;
 use crate::io::film::Film;
 use crate::layout::Float4;
-use crate::options::{Decisions, Intersector, Kernels, Memory, TraceOptions};
+use crate::options::{Decisions, Intersector, Kernels, Memory, PacketSize, TraceOptions};
 use crate::pack::SceneBuffers;
 use crate::ray_order::trace_in_order;
 use crate::reference::ReferenceBackend;
@@ -35,13 +35,46 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
-/// How many samples of each pixel one launch traces. A pixel that is deferred is traced again with all samples of its
-/// launch, of which more than one is seldom deferred, and a GPU waits for the slowest pixel with all its samples; but
-/// the next launch finds less in caches. Milliseconds of 16 samples, 16, 4 and 1 at a time: H200, 1024 x 1024: bunny
-/// 8.7, 7.0, 7.0; gears 13.9, 11.4, 12.9; coffee 480, 370, 314; showcase.toml 2257, 426, 389. PoCL, two cores, 512 x
-/// 512: coffee 11460, 9600, 9340; bunny 580, 740, 710.
-fn samples_of_launch(kind: DeviceKind) -> u32 {
-    if kind == DeviceKind::Gpu { 4 } else { 16 }
+/// How many samples of each pixel one launch traces. A pixel that is an item with several is traced again with all of
+/// them if it is deferred, of which more than one seldom is, and a GPU waits for the slowest pixel with all its
+/// samples; but the next launch finds less in caches. Milliseconds of 16 samples, 16, 4 and 1 at a time: H200, 1024 x
+/// 1024: bunny 8.7, 7.0, 7.0; gears 13.9, 11.4, 12.9; coffee 480, 370, 314; showcase.toml 2257, 426, 389. PoCL, two
+/// cores, 512 x 512: coffee 11460, 9600, 9340; bunny 580, 740, 710.
+fn samples_of_launch(params: &RenderParams, options: &TraceOptions, kind: DeviceKind) -> u32 {
+    let most = match kind {
+        _ if params.samples_apart != 0 => MOST_SAMPLES_APART,
+        // What is counted of a pixel is stored once.
+        _ if options.counters => u32::MAX,
+        DeviceKind::Gpu => 4,
+        _ => 16,
+    };
+    most.min(params.sample_count).max(1)
+}
+
+/// How many it traces at most where each is an item: a GPU's lanes that run in step then have the samples of one pixel
+/// or two. showcase.toml, 4096 x 4096, 64 samples, on an H200: 7.9 s with 8, 7.0 with 16, 6.4 with 32, 6.1 with 64, and
+/// 10.8 with pixels as items.
+const MOST_SAMPLES_APART: u32 = 64;
+/// The most items that are samples for which there is room on a device: 64 MiB on CPUs, 256 MiB on GPUs, where twice as
+/// many gain 3 %.
+fn most_apart(kind: DeviceKind) -> u64 {
+    if kind == DeviceKind::Gpu { 1 << 24 } else { 1 << 22 }
+}
+/// With less it is not worth while.
+const LEAST_APART: u64 = 1 << 16;
+/// They take no more of the memory that a device has left than one part in so many.
+const PART_OF_MEMORY: u64 = 4;
+
+/// Of how many samples each pixel must be for them to be apart. Packets of samples of few pixels are faster than
+/// packets of pixels where rays part at curved surfaces: PoCL, two cores, 512 x 512, 16 samples: gears 1.71, glass.toml
+/// 1.37, showcase.toml 1.32 times as fast, with 4 samples 1.18, 1.14, 1.11. Without secondary rays bunny .98, sponza
+/// 1.02, with 4 samples .97 and .95.
+fn least_samples_apart(kind: DeviceKind, features: Features, options: &TraceOptions) -> u32 {
+    match options.packet_size {
+        _ if kind == DeviceKind::Gpu => 2,
+        PacketSize::Sixteen if features.in_kernels(options.picture.features).send_rays() => 4,
+        _ => u32::MAX,
+    }
 }
 
 /// What parts of a picture have in common: the camera, and how often a pixel is sampled.
@@ -67,6 +100,8 @@ pub struct OpenClBackend {
     trace_plan: LaunchPlan,
     first_items: usize,
     work_group: usize,
+    /// Of how many samples each pixel must be for each to be an item of its own, where there is room for that.
+    least_samples_apart: u32,
     upload_s: f64,
     /// How the launches of the last picture went, for the next part of it; and what tells that it is one.
     picture_plan: Option<(PlanKey, LaunchPlan)>,
@@ -182,11 +217,18 @@ impl OpenClBackend {
             trace_plan: LaunchPlan::on(&context, first_items),
             first_items,
             work_group: work_group_size(context.info()).0,
+            least_samples_apart: least_samples_apart(context.info().kind, buffers.features, options),
             upload_s: start.elapsed().as_secs_f64(),
             dearest_sample_s: 0.0,
             scene,
             context,
         })
+    }
+
+    /// Whether each sample of a pixel is to be an item of its own; the pictures are the same. GPUs trace them so.
+    #[doc(hidden)]
+    pub fn take_samples_apart(&mut self, apart: bool) {
+        self.least_samples_apart = if apart { 2 } else { u32::MAX };
     }
 
     /// Room for `count` work records, if the kernels count.
@@ -306,10 +348,14 @@ impl Backend for OpenClBackend {
 
     fn render(&mut self, params: &RenderParams, samples: &[CameraSample], progress: Progress) -> Result<RenderResult> {
         self.prepare(Task::Picture)?;
+        let params = &self.with_samples_apart(params);
         let samples = Buffer::from_slice(&self.context, "samples", samples)?;
-        let picture = PictureBuffers::new(&self.context, params, samples)?;
-        let work = self.work_buffer::<PixelWork>(params.film_len())?;
         let mut launches = self.launches_of(params)?;
+        let mut picture = PictureBuffers::new(&self.context, params, samples)?;
+        if params.samples_apart != 0 {
+            picture.make_room(&self.context, params.samples_apart as usize)?;
+        }
+        let work = self.work_buffer::<PixelWork>(params.film_len())?;
         // Another part of the same picture begins where the last one ended, not with small launches again.
         if let Some((_, mut plan)) = self.picture_plan.take().filter(|(key, _)| *key == plan_key(params)) {
             plan.begin_others();
@@ -392,13 +438,14 @@ impl OpenClBackend {
         let mut done = 0;
         let work = (total * job.repeat as usize).max(1) as f64;
         for _ in 0..job.repeat {
-            let shape = (total, *work_group);
-            let mut seconds = passes.run(context, first_entry, &set_first, trace_plan, shape, &deferred, |items| {
-                done += items;
-                progress(done as f64 / work);
-            })?;
+            let shape = || (0..total, *work_group);
+            let mut seconds =
+                passes.run(context, first_entry, &set_first, trace_plan, shape(), &deferred, |items| {
+                    done += items;
+                    progress(done as f64 / work);
+                })?;
             if job.next_directions.is_some() {
-                seconds += passes.run(context, Entry::TraceNext, &set_next, trace_plan, shape, &deferred, |_| ())?;
+                seconds += passes.run(context, Entry::TraceNext, &set_next, trace_plan, shape(), &deferred, |_| ())?;
             }
             result.kernel_s.push(seconds);
         }
@@ -415,17 +462,32 @@ impl OpenClBackend {
 
     /// What launches of pictures of this size, or of lists that are no longer, have in common.
     fn launches_of(&self, params: &RenderParams) -> Result<Launches> {
-        let samples = self.samples_of_launch(params).max(1);
-        let mut plan = LaunchPlan::on(&self.context, self.first_items / samples as usize);
+        let samples = samples_of_launch(params, &self.options, self.context.info().kind);
+        let samples_of_item = if params.samples_apart == 0 { samples } else { 1 };
+        let mut plan = LaunchPlan::on(&self.context, self.first_items / samples_of_item as usize);
         // The camera may have moved away from what was dear.
-        plan.expect(0.5 * self.dearest_sample_s * f64::from(samples));
-        Ok(Launches { deferred: Deferred::new(&self.context, self.passes.defers(), items_of(params))?, plan })
+        plan.expect(0.5 * self.dearest_sample_s * f64::from(samples_of_item));
+        let items = if params.samples_apart == 0 { items_of(params) } else { params.samples_apart as usize };
+        Ok(Launches { deferred: Deferred::new(&self.context, self.passes.defers(), items)?, plan, samples })
     }
 
-    fn samples_of_launch(&self, params: &RenderParams) -> u32 {
-        // What is counted of a pixel is stored once.
-        let at_a_time = if self.options.counters { u32::MAX } else { samples_of_launch(self.context.info().kind) };
-        at_a_time.min(params.sample_count)
+    /// The same picture, with samples that are items of their own if this device is to trace them so: at the end of a
+    /// launch most of a GPU waits for the slowest items, and those of pixels with several samples are slower.
+    fn with_samples_apart(&self, params: &RenderParams) -> RenderParams {
+        // What is counted of a pixel is stored once, and wavefront kernels take samples otherwise.
+        let may_be_apart = !self.options.counters && self.wavefront.is_none();
+        let samples = MOST_SAMPLES_APART.min(params.sample_count);
+        let items = items_of(params) as u64 * u64::from(samples);
+        let DeviceInfo { global_memory_bytes, max_alloc_bytes, .. } = self.context.info();
+        let left = global_memory_bytes.saturating_sub(self.context.allocated_bytes());
+        let room = (left / PART_OF_MEMORY).min(*max_alloc_bytes) / size_of::<Float4>() as u64;
+        let room = room.min(most_apart(self.context.info().kind)).min(items);
+        // Items are numbered in 32 bits.
+        let are_apart = may_be_apart
+            && samples >= self.least_samples_apart
+            && room >= LEAST_APART.min(items)
+            && items <= u64::from(u32::MAX);
+        RenderParams { samples_apart: if are_apart { room as u32 } else { 0 }, ..*params }
     }
 
     /// Renders into the film of `picture`.
@@ -452,34 +514,50 @@ impl OpenClBackend {
         picture: &PictureBuffers,
         work: &Option<Buffer<PixelWork>>,
         params: &RenderParams,
-        Launches { deferred, plan }: &mut Launches,
+        Launches { deferred, plan, samples: at_a_time }: &mut Launches,
         progress: Progress,
     ) -> Result<Rendered> {
-        let items = items_of(params);
         let before = deferred.resolved();
-        let at_a_time = self.samples_of_launch(params).max(1);
         let entry = Entry::of_picture(self.options.packet_size);
-        let OpenClBackend { context, scene, passes, dearest_sample_s, .. } = self;
+        let OpenClBackend { context, scene, passes, work_group, dearest_sample_s, .. } = self;
         let mut rendered = Rendered::default();
         let mut done = 0;
         let mut failed = None;
-        let samples = params.sample_count;
-        for first_sample in (0..samples).step_by(at_a_time as usize) {
-            let end_sample = samples.min(first_sample + at_a_time);
+        let (pixels, samples) = (items_of(params), params.sample_count);
+        // As many pixels at a time as there is room for their samples of one launch.
+        let pixels_at_a_time = match params.samples_apart {
+            0 => pixels,
+            room => pixels.div_ceil(pixels.div_ceil(room as usize / *at_a_time as usize)),
+        };
+        let parts = (0..pixels).step_by(pixels_at_a_time).map(|from| from..pixels.min(from + pixels_at_a_time));
+        let firsts = (0..samples).step_by(*at_a_time as usize);
+        for (part, first_sample) in parts.flat_map(|part| firsts.clone().map(move |first| (part.clone(), first))) {
+            let end_sample = samples.min(first_sample + *at_a_time);
+            let launched = (end_sample - first_sample) as usize;
+            let [samples_of_item, apart] = if params.samples_apart == 0 { [launched, 1] } else { [1, launched] };
             let set = |kernel: &mut Kernel| {
-                let arguments = picture.arguments(scene, kernel)?.set_work(work)?.set(&deferred.items)?;
-                arguments.set(first_sample)?.set(end_sample).map(|_| ())
+                let arguments = match apart {
+                    1 => picture.arguments(scene, kernel)?,
+                    _ => picture.arguments_apart(scene, kernel)?,
+                };
+                arguments.set_work(work)?.set(&deferred.items)?.set(first_sample)?.set(end_sample).map(|_| ())
             };
-            let shape = (items, self.work_group);
-            let seconds = passes.run(context, entry, &set, plan, shape, deferred, |launched| {
-                done += launched * (end_sample - first_sample) as usize;
-                progress((done as f64 / (items * samples as usize) as f64).min(1.0));
+            let shape = (part.start * apart..part.end * apart, *work_group);
+            let seconds = passes.run(context, entry, &set, plan, shape, deferred, |items| {
+                done += items * samples_of_item;
+                progress((done as f64 / (pixels * samples as usize) as f64).min(1.0));
                 // After every launch, because a 32-bit counter could overflow over a whole picture.
                 failed = failed.take().or(picture.take_counts(&mut rendered.counts).err());
             });
             // What was stopped has taught something, too.
-            *dearest_sample_s = plan.dearest_s() / f64::from(at_a_time);
+            *dearest_sample_s = plan.dearest_s() / samples_of_item as f64;
             rendered.kernel_s += seconds?;
+            if apart > 1 {
+                let set = |kernel: &mut Kernel| {
+                    picture.arguments_of_adding(kernel)?.set(first_sample)?.set(end_sample).map(|_| ())
+                };
+                rendered.kernel_s += passes.run_short(context, Entry::AddSamples, &set, (part, *work_group))?;
+            }
         }
         rendered.second_pass = deferred.resolved().map(|all| all - before.unwrap_or(0));
         failed.map_or(Ok(rendered), Err)

@@ -31,13 +31,8 @@ const FIRST_RAYS: u64 = 1 << 22;
 const GROWTH: u64 = 64;
 /// The most pixels of bands that are rendered together, so that a device has room for them: 128 MiB.
 const GROUP_PIXELS: u64 = 1 << 23;
-/// So long take bands that are rendered together, about: what is lost when the program is stopped. Longer with many
-/// samples, up to so many times: each launch takes a few samples of all pixels, and most of a GPU waits at its end. A
-/// picture of 64 samples on an H200 (showcase.toml): 12.9 s with 1 s, 11.7 s with 4 s.
+/// So long take bands that are rendered together, about: what is lost when the program is stopped.
 const GROUP_TIME: Duration = Duration::from_secs(1);
-const LONGEST_GROUP: f64 = 4.0;
-/// With so many samples it takes one time as long.
-const GROUP_SAMPLES: f64 = 16.0;
 
 /// How a picture, or a part of one, is cut into blocks.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -353,8 +348,7 @@ impl<'a> Groups<'a> {
             let place = self.blocks.bands(numbers[0]..numbers[0] + numbers.len(), self.rows);
             let start = Instant::now();
             let traced = tracer.render(&self.params.cropped(place.place, place.size), &self.samples, &progress)?;
-            let rays = self.rays_of_band() * numbers.len() as u64;
-            *pace = Some(next_rays(rays, self.samples.len(), start.elapsed()));
+            *pace = Some(next_rays(self.rays_of_band() * numbers.len() as u64, start.elapsed()));
             hand_on(Group { numbers, place, traced })?;
             rest = later;
         }
@@ -437,10 +431,9 @@ fn neighbours(numbers: &[usize]) -> usize {
     breaks.map_or(numbers.len(), |last| last + 1)
 }
 
-/// How many camera rays are traced together next, so many of a pixel, if so many took so long.
-fn next_rays(rays: u64, samples: usize, took: Duration) -> u64 {
-    let time = GROUP_TIME.as_secs_f64() * (samples as f64 / GROUP_SAMPLES).clamp(1.0, LONGEST_GROUP);
-    let in_time = rays as f64 * time / took.as_secs_f64().max(1e-3);
+/// How many camera rays are traced together next, if so many took so long.
+fn next_rays(rays: u64, took: Duration) -> u64 {
+    let in_time = rays as f64 * GROUP_TIME.as_secs_f64() / took.as_secs_f64().max(1e-3);
     (in_time as u64).min(rays.saturating_mul(GROWTH)).max(1)
 }
 
@@ -539,13 +532,10 @@ mod tests {
 
     #[test]
     fn rays_are_traced_in_groups_of_about_a_second() {
-        assert_eq!(next_rays(1000, 1, Duration::from_secs(4)), 250);
-        assert_eq!(next_rays(1000, 16, Duration::from_millis(500)), 2000);
-        assert_eq!(next_rays(1000, 4, Duration::ZERO), 64_000);
-        assert_eq!(next_rays(1, 4, Duration::from_secs(1000)), 1);
-        // Of many samples in longer ones.
-        assert_eq!(next_rays(1000, 32, Duration::from_secs(4)), 500);
-        assert_eq!([64, 4096].map(|samples| next_rays(1000, samples, Duration::from_secs(4))), [1000; 2]);
+        assert_eq!(next_rays(1000, Duration::from_secs(4)), 250);
+        assert_eq!(next_rays(1000, Duration::from_millis(500)), 2000);
+        assert_eq!(next_rays(1000, Duration::ZERO), 64_000);
+        assert_eq!(next_rays(1, Duration::from_secs(1000)), 1);
         assert_eq!([neighbours(&[4]), neighbours(&[4, 5, 6]), neighbours(&[4, 5, 7])], [1, 3, 2]);
     }
 }

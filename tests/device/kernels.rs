@@ -480,12 +480,14 @@ fn procedural_textures_equal_their_twins() {
 #[test]
 fn roulette_equals_its_twin() {
     let Some(device) = device() else { return };
-    let body = "const CameraSample at = *(__global const CameraSample*)(in + 28);
+    let body = "__global const float* rest = in + sizeof(RenderParams) / sizeof(float);
+                const CameraSample at = *(__global const CameraSample*)rest;
                 Killing killing; begin_killing((__global const RenderParams*)in, hash_place(at), &killing);
-                __global const uint* way = (__global const uint*)(in + 34); float3 weight = vload3(0, in + 31);
+                __global const uint* way = (__global const uint*)(rest + 6); float3 weight = vload3(0, rest + 3);
                 out[0] = survives(&killing, way[0], way[1], &weight) ? 1.0f : 0.0f; vstore3(weight, 0, out + 1);
                 out[4] = (float)(depth_of(next_depth(way[0], way[1])));";
-    const INPUTS: usize = 36; // the picture, a place in it, a weight, a depth, a kind
+    // The picture, a place in it, a weight, a depth, a kind.
+    const INPUTS: usize = size_of::<RenderParams>() / size_of::<f32>() + 8;
     let mut random = Random::new(SEED);
     let (mut data, mut expected) = (Vec::<f32>::new(), Vec::new());
     for i in 0..4 * ITEMS {

@@ -1,9 +1,11 @@
 //! Whole pictures: the device's against the twin's byte for byte, and what must be seen in them.
 
+use super::wavefront::panes_of_doubt;
 use crate::common::device;
 use glam::{DAffine3, DQuat, DVec3, Vec3};
+use raybrook::low_level::device::OpenClBackend;
 use raybrook::low_level::film::Film;
-use raybrook::low_level::options::{StructureKind, TraceOptions};
+use raybrook::low_level::options::{PacketSize, StructureKind, TraceOptions};
 use raybrook::low_level::pack::SceneBuffers;
 use raybrook::low_level::renderer::{Picture, build_and_open, complete, open_tracer, render};
 use raybrook::low_level::scene::{
@@ -139,6 +141,39 @@ fn device_and_twin_render_the_same_bits() {
             let wrong = bits(&got.film).iter().zip(bits(&expected.film)).filter(|(a, b)| **a != *b).count();
             assert_eq!(wrong, 0, "{accel}: {wrong} of {} pixels differ in some bit", expected.film.pixels.len());
             assert_eq!(expected.film.non_finite(), 0);
+        }
+    }
+}
+
+/// Each sample of a pixel may be an item of its own, of as many samples at a time as there is room for.
+#[test]
+fn samples_of_items_of_their_own_make_the_same_bits() {
+    let Some(device) = device() else { return };
+    let above = Light::directional(Vec3::Z, Vec3::splat(0.5));
+    let [eye, target] = [-4.0, 0.0].map(|z| Vec3::new(1.0, 1.0, z));
+    let below = Camera { eye, target, up: Vec3::Y, fov_degrees: 90.0 };
+    // Both samples of pixels on the diagonal lie on it, where the first pass leaves rays to the second.
+    let panes = (Scene { camera: Some(below), lights: vec![above], ..panes_of_doubt() }, (16, 16), &[2][..]);
+    for packet_size in [PacketSize::One, PacketSize::Sixteen] {
+        let options = TraceOptions { packet_size, ..TraceOptions::DEFAULT };
+        for (scene, size, samples) in [(motley(), SIZE, &[1, 2, 5, 67][..]), panes.clone()] {
+            let buffers = Arc::new(SceneBuffers::new(&scene, &options).unwrap());
+            let mut ours = OpenClBackend::new(&device, &buffers, &options, DEPTH, None).unwrap();
+            let mut twin = open_tracer(None, &buffers, &options, DEPTH, None).unwrap();
+            for &samples in samples {
+                let (camera, samples) = (scene.camera.unwrap(), Samples::PerPixel(samples));
+                let picture = Picture { camera, size, samples, depth: DEPTH, kill_weight: None };
+                let expected = render(twin.as_mut(), &buffers, &picture, &|_| ()).unwrap();
+                let resolved = [true, false].map(|apart| {
+                    ours.take_samples_apart(apart);
+                    let got = render(&mut ours, &buffers, &picture, &|_| ()).unwrap();
+                    assert_eq!(got.counts, expected.counts, "{packet_size} {samples:?} {apart}");
+                    assert!(bits(&got.film) == bits(&expected.film), "{packet_size} {samples:?} {apart}");
+                    got.second_pass.unwrap()
+                });
+                // The second pass has samples, or pixels with all of theirs.
+                assert!(size != (16, 16) || resolved[0] > resolved[1] && resolved[1] >= 8, "{resolved:?}");
+            }
         }
     }
 }

@@ -299,17 +299,21 @@ fn wavefront_kernels_read_every_kind_of_memory() {
     }
 }
 
-/// Rays through the edges that two triangles share, of corners with bits so far apart that only exact
-/// integers tell which of the two they hit.
-#[test]
-fn deferred_rays_take_the_second_pass() {
+/// Panes whose two triangles share an edge of corners with bits so far apart that only exact integers tell which of the
+/// two a ray through it hits.
+pub(super) fn panes_of_doubt() -> Scene {
     let mut builder = Builder::new();
     for (z, side, transmission) in [(0.0, 4.0, Vec3::ZERO), (1.0, 1.0, Vec3::ZERO), (2.0, 2.0, Vec3::splat(0.7))] {
         builder.material(Material { transmission, ior: 1.0, ..Material::matt(Vec3::ONE) });
         let corners = [[f32::exp2(-60.0); 2], [side; 2], [side, 0.0], [0.0, side]];
         builder.mesh(&corners.map(|[x, y]| Vec3::new(x, y, z)), Normals::Flat, &[], &[[2, 1, 0], [3, 0, 1]]);
     }
-    let mut scene = builder.finish().unwrap();
+    builder.finish().unwrap()
+}
+
+#[test]
+fn deferred_rays_take_the_second_pass() {
+    let mut scene = panes_of_doubt();
     let [eye, target, lamp] = [4.0, 0.0, 8.0].map(|z| Vec3::new(1.0, 1.0, z));
     scene.camera = Some(Camera { eye, target, up: Vec3::Y, fov_degrees: 90.0 });
     let lights = vec![Light::directional(Vec3::NEG_Z, Vec3::splat(0.5)), Light::point(lamp, Vec3::splat(0.3))];
