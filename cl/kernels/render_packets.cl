@@ -59,9 +59,10 @@ typedef struct {
     uint2 pixel;
 } ItemPlace;
 
-ItemPlace place_of_item(__global const RenderParams* render, uint item, uint apart) {
-    const ItemPlace place = {item / apart, item % apart, pixel_of_item(render, item / apart)};
-    return place;
+void find_item(__global const RenderParams* render, uint item, uint apart, ItemPlace* place) {
+    place->number = item / apart;
+    place->sample = item % apart;
+    place->pixel = pixel_of_item(render, place->number);
 }
 
 void next_item(__global const RenderParams* render, uint apart, ItemPlace* place) {
@@ -139,7 +140,8 @@ void pack_camera_rays(const PixelGroup* group, uint from, ulong lanes, RayPacket
         x = convert_float16((int)first.x + lane % (int)TILE_SIDE) + at.x;
         y = convert_float16((int)first.y + lane / (int)TILE_SIDE) + at.y;
     } else {
-        ItemPlace place = place_of_item(render, group->item + from, group->apart);
+        ItemPlace place;
+        find_item(render, group->item + from, group->apart, &place);
         for (uint i = 0; i < 16u; i++) {
             if ((lanes & lane_bit16(i)) != 0ul) {
                 const CameraSample at =
@@ -472,7 +474,8 @@ void render_tile(SCENE_PARAMETERS, const PictureLaunch* launch, DEFERRED_ARGUMEN
     Pixel pixels[TILE_ITEMS];
     ulong inside[PACKETS_OF_ITEM], is_deferred[PACKETS_OF_ITEM];
     for (uint k = 0; k < PACKETS_OF_ITEM; k++) inside[k] = is_deferred[k] = 0ul;
-    ItemPlace place = place_of_item(render, item, apart);
+    ItemPlace place;
+    find_item(render, item, apart, &place);
     for (uint i = 0; i < TILE_ITEMS; i++, next_item(render, apart, &place)) {
         if (item + i >= launch->end || !is_in_film(render, place.pixel)) continue;
         inside[i / 16u] |= lane_bit16(i % 16u);

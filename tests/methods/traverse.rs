@@ -189,7 +189,8 @@ fn scenes() -> Vec<(&'static str, Scene)> {
 fn device_and_twin_agree_to_the_bit() {
     let Some(device) = device() else { return };
     for (name, scene) in scenes() {
-        for options in all_options().into_iter().filter(|options| is_tried_on_devices(options, name)) {
+        let tried = all_options().into_iter().filter(|options| is_tried_on_devices(options, name));
+        for (number, options) in tried.enumerate() {
             let name = format!("{name}, {options:?}");
             let buffers = Arc::new(SceneBuffers::new(&scene, &options).unwrap());
             let mut random = Random::new(SEED);
@@ -205,6 +206,10 @@ fn device_and_twin_agree_to_the_bit() {
             assert_same(&format!("{name}, next"), &queries, &got.next_hits.unwrap(), &expected.next_hits.unwrap());
             assert_eq!(got.kernel_s.len(), 1);
 
+            // A kernel of its own, which goes the same way.
+            if !is_usually_taken(3, number) {
+                continue;
+            }
             let any = tracer.trace(&TraceJob { any_hit: true, next_directions: None, ..job }, &|_| ()).unwrap();
             for (i, (any, closest)) in any.hits.iter().zip(&expected.hits).enumerate() {
                 assert_eq!(is_hit(any), is_hit(closest), "{name}: any-hit of ray {i} {:?}", queries[i]);
