@@ -199,7 +199,7 @@ fn the_finished_picture_is_the_one_that_render_writes() {
         assert_eq!(labels.last(), Some(&"error 1"), "{labels:?}");
         labels[0].starts_with("1 ray for").then_some((page, told))
     };
-    let (mut page, told) = (0..20).find_map(|_| begun()).expect("a page has its first picture");
+    let (mut page, told) = (0..200).find_map(|_| begun()).expect("a page has its first picture");
     let first = rendered(at, told.last().unwrap(), "first.png");
     assert_eq!(page.saved("png"), first);
     assert_eq!(pixels(&page.png), pixels(&first), "what is shown is what is saved");

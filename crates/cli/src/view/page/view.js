@@ -65,7 +65,11 @@ async function listen() {
     told = JSON.parse(new TextDecoder().decode(new Uint8Array(bytes, 4, length)));
     known = { version: told.version, frame: told.frame };
     const png = new Uint8Array(bytes, 4 + length);
-    if (png.length) await show(png);
+    if (png.length) {
+      // What is told is of this picture, which is not to be seen yet.
+      shown.state = "working";
+      await show(png);
+    }
     tell();
   }
 }
