@@ -6,8 +6,8 @@ __kernel void add_samples(__global const RenderParams* restrict render, __global
     if (item >= end) return;
     const uint2 pixel = pixel_of_item(render, item);
     if (!is_in_film(render, pixel)) return;
-    const uint apart = items_of_pixel(render, first_sample, end_sample), place = pixel.y * render->width + pixel.x;
-    float3 sum = first_sample == 0u ? (float3)(0.0f) : film[place].xyz;
+    const uint apart = items_of_pixel(render, first_sample, end_sample);
+    float3 sum = first_sum(render, film, pixel, first_sample, 1u);
     for (uint i = 0; i < apart; i++) sum += radiances[(item * apart + i) % render->samples_apart].xyz;
-    film[place] = sum_of_samples(render, sum, end_sample);
+    store_sum(render, film, item, 1u, end_sample, sum);
 }

@@ -73,15 +73,14 @@ __kernel void render(SCENE_ARGUMENTS, __global const RenderParams* restrict rend
     const Scene scene = MAKE_SCENE;
     uint counts[COUNTERS] = {0};
     float3 sum = first_sum(render, film, pixel, first_sample, apart);
-    const uint from = first_sample + item % apart;
-    for (uint s = from; s < end_sample; s += apart) {
+    for (uint s = first_sample + item % apart; s < end_sample; s += apart) {
         const uint camera_ray = hash_place(camera_sample(render, samples, pixel, s));
         sum += radiance_along(SCENE_AT(&scene), render, first_of_path(render, samples, pixel, s), camera_ray, counts);
     }
     NOTE_DEFERRED(item);
     if (IS_DEFERRED) return;
     store_sum(render, film, item, apart, end_sample, sum);
-    STORE_WORK(&scene.camera_geometry, 2u * (pixel.y * render->width + pixel.x));
-    STORE_WORK(&scene.geometry, 2u * (pixel.y * render->width + pixel.x) + 1u);
+    STORE_WORK(&scene.camera_geometry, 2u * place_in_film(render, pixel));
+    STORE_WORK(&scene.geometry, 2u * place_in_film(render, pixel) + 1u);
     add_counts(counts, counters, item);
 }

@@ -34,8 +34,8 @@ __kernel void trace_any(GEOMETRY_ARGUMENTS, __global const TraceRay* restrict ra
     NOTE_DEFERRED(index);
 }
 
-// The closest hit of a next ray, which leaves the first one's hit, started as the renderer starts its secondary rays. A
-// first ray that missed has no next one.
+// The closest hit of a secondary ray, which leaves the first one's hit, started as the renderer starts its own. A first
+// ray that missed has none.
 __kernel void trace_next(GEOMETRY_ARGUMENTS, __global const TraceRay* restrict rays,
                          __global const float4* restrict next_directions, __global const Hit* restrict hits,
                          __global Hit* restrict next_hits, WORK_ARGUMENT DEFERRED_ARGUMENT const uint first,

@@ -13,11 +13,14 @@ uint2 place_in_picture(__global const RenderParams* render, uint2 pixel) {
     return pixel + (uint2)(render->first_pixel & 0xffffu, render->first_pixel >> 16);
 }
 
+// The number of a pixel of the film, row by row.
+uint place_in_film(__global const RenderParams* render, uint2 pixel) { return pixel.y * render->width + pixel.x; }
+
 // A ray's place in the picture, in pixels from the upper left corner: that of sample number `s` of a pixel, or of a
 // list which has this place in the film.
 CameraSample camera_sample(__global const RenderParams* render, __global const CameraSample* samples, uint2 pixel,
                            uint s) {
-    if (render->ray_count != 0u) return samples[pixel.y * render->width + pixel.x];
+    if (render->ray_count != 0u) return samples[place_in_film(render, pixel)];
     const uint2 place = place_in_picture(render, pixel);
     CameraSample at = samples[s];
     at.x = (float)place.x + at.x;
@@ -59,7 +62,7 @@ void begin_killing_of_path(__global const RenderParams* render, __global const C
 // Whether the film has this pixel. The last row of a list's rays may not be full.
 bool is_in_film(__global const RenderParams* render, uint2 pixel) {
     if (pixel.x >= render->width || pixel.y >= render->height) return false;
-    return render->ray_count == 0u || pixel.y * render->width + pixel.x < render->ray_count;
+    return render->ray_count == 0u || place_in_film(render, pixel) < render->ray_count;
 }
 
 // Pixels are numbered tile by tile: item i is pixel i % TILE_PIXELS of tile i / TILE_PIXELS, row by row. It may lie
@@ -85,18 +88,14 @@ uint items_of_pixel(__global const RenderParams* render, uint first_sample, uint
 float3 first_sum(__global const RenderParams* render, __global const float4* film, uint2 pixel, uint first_sample,
                  uint apart) {
     if (first_sample == 0u || apart > 1u) return (float3)(0.0f);
-    return film[pixel.y * render->width + pixel.x].xyz;
+    return film[place_in_film(render, pixel)].xyz;
 }
 
 // Stores the sum of an item's samples; end_sample: the number behind the launch's last one.
 void store_sum(__global const RenderParams* render, __global float4* film, uint item, uint apart, uint end_sample,
                float3 sum) {
-    if (apart > 1u) {
-        film[item % render->samples_apart] = (float4)(sum, 1.0f);
-    } else {
-        const uint2 pixel = pixel_of_item(render, item);
-        film[pixel.y * render->width + pixel.x] = sum_of_samples(render, sum, end_sample);
-    }
+    if (apart > 1u) film[item % render->samples_apart] = (float4)(sum, 1.0f);
+    else film[place_in_film(render, pixel_of_item(render, item))] = sum_of_samples(render, sum, end_sample);
 }
 
 // Looks for the closest hit of a ray, and counts the ray.

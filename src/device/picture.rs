@@ -18,8 +18,8 @@ pub(super) struct PictureBuffers {
     pub params: Buffer<RenderParams>,
     pub samples: Buffer<CameraSample>,
     pub film: Buffer<Float4>,
-    /// Of samples that are apart, what each of a launch gives.
-    radiances: Option<Buffer<Float4>>,
+    /// What each sample of a launch gives, where samples are apart.
+    pub radiances: Buffer<Float4>,
     counters: Buffer<u32>,
 }
 
@@ -29,7 +29,7 @@ impl PictureBuffers {
             params: Buffer::from_slice(context, "picture parameters", &[*params])?,
             samples,
             film: Buffer::empty(context, "picture", params.film_len())?,
-            radiances: None,
+            radiances: Buffer::empty(context, "samples of a launch", params.samples_apart as usize)?,
             counters: Buffer::read_write(context, "counters", &NO_COUNTS)?,
         })
     }
@@ -39,35 +39,19 @@ impl PictureBuffers {
         Self::new(context, &params.of_list(rays as u32), Buffer::empty(context, "samples", rays)?)
     }
 
-    /// Makes room for so many samples that are apart.
-    pub fn make_room(&mut self, context: &DeviceContext, samples: usize) -> Result<()> {
-        self.radiances = Some(Buffer::empty(context, "samples of a launch", samples)?);
-        Ok(())
-    }
-
     /// Sets the arguments with which every rendering kernel begins.
     pub fn arguments<'k>(&self, scene: &DeviceScene, kernel: &'k mut Kernel) -> Result<Arguments<'k>> {
-        self.arguments_with(&self.film, scene, kernel)
+        self.arguments_into(&self.film, scene, kernel)
     }
 
-    /// The same of a kernel that renders samples of items of their own.
-    pub fn arguments_apart<'k>(&self, scene: &DeviceScene, kernel: &'k mut Kernel) -> Result<Arguments<'k>> {
-        self.arguments_with(self.radiances.as_ref().unwrap_or(&self.film), scene, kernel)
-    }
-
-    fn arguments_with<'k>(
+    /// The same of a kernel that writes somewhere else than into the film.
+    pub fn arguments_into<'k>(
         &self,
         film: &Buffer<Float4>,
         scene: &DeviceScene,
         kernel: &'k mut Kernel,
     ) -> Result<Arguments<'k>> {
         scene.scene_arguments(kernel)?.set(&self.params)?.set(&self.samples)?.set(film)?.set(&self.counters)
-    }
-
-    /// Sets the arguments of the kernel that adds such samples to the pixels, but for the last four.
-    pub fn arguments_of_adding<'k>(&self, kernel: &'k mut Kernel) -> Result<Arguments<'k>> {
-        let radiances = self.radiances.as_ref().unwrap_or(&self.film);
-        Arguments::of(kernel).set(&self.params)?.set(radiances)?.set(&self.film)
     }
 
     /// Adds the device's counters to `counts`, and clears them for the next launch.
@@ -102,8 +86,6 @@ impl Rendered {
 pub(super) struct Launches {
     pub deferred: Deferred,
     pub plan: LaunchPlan,
-    /// How many samples of a pixel each has at most.
-    pub samples: u32,
 }
 
 impl Launches {

@@ -6,7 +6,7 @@ use super::defaults::{who_decides, work_group_size};
 use super::deferred::Deferred;
 use super::definitions::Definitions;
 use super::entry::Entry;
-use super::launch::{FIRST_ITEMS, FIRST_ITEMS_GPU, LaunchPlan};
+use super::launch::{Arguments, FIRST_ITEMS, FIRST_ITEMS_GPU, LaunchPlan};
 use super::passes::Passes;
 use super::picture::{Launches, PictureBuffers, RenderLists, Rendered, items_of};
 use super::points::PointProgram;
@@ -35,25 +35,9 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
-/// How many samples of each pixel one launch traces. A pixel that is an item with several is traced again with all of
-/// them if it is deferred, of which more than one seldom is, and a GPU waits for the slowest pixel with all its
-/// samples; but the next launch finds less in caches. Milliseconds of 16 samples, 16, 4 and 1 at a time: H200, 1024 x
-/// 1024: bunny 8.7, 7.0, 7.0; gears 13.9, 11.4, 12.9; coffee 480, 370, 314; showcase.toml 2257, 426, 389. PoCL, two
-/// cores, 512 x 512: coffee 11460, 9600, 9340; bunny 580, 740, 710.
-fn samples_of_launch(params: &RenderParams, options: &TraceOptions, kind: DeviceKind) -> u32 {
-    let most = match kind {
-        _ if params.samples_apart != 0 => MOST_SAMPLES_APART,
-        // What is counted of a pixel is stored once.
-        _ if options.counters => u32::MAX,
-        DeviceKind::Gpu => 4,
-        _ => 16,
-    };
-    most.min(params.sample_count).max(1)
-}
-
-/// How many it traces at most where each is an item: a GPU's lanes that run in step then have the samples of one pixel
-/// or two. showcase.toml, 4096 x 4096, 64 samples, on an H200: 7.9 s with 8, 7.0 with 16, 6.4 with 32, 6.1 with 64, and
-/// 10.8 with pixels as items.
+/// How many samples of a pixel a launch traces at most where each is an item: a GPU's lanes that run in step then have
+/// the samples of one pixel or two. showcase.toml, 4096 x 4096, 64 samples, on an H200: 7.9 s with 8, 7.0 with 16, 6.4
+/// with 32, 6.1 with 64, and 10.8 with pixels as items.
 const MOST_SAMPLES_APART: u32 = 64;
 /// The most items that are samples for which there is room on a device: 64 MiB on CPUs, 256 MiB on GPUs, where twice as
 /// many gain 3 %.
@@ -351,10 +335,7 @@ impl Backend for OpenClBackend {
         let params = &self.with_samples_apart(params);
         let samples = Buffer::from_slice(&self.context, "samples", samples)?;
         let mut launches = self.launches_of(params)?;
-        let mut picture = PictureBuffers::new(&self.context, params, samples)?;
-        if params.samples_apart != 0 {
-            picture.make_room(&self.context, params.samples_apart as usize)?;
-        }
+        let picture = PictureBuffers::new(&self.context, params, samples)?;
         let work = self.work_buffer::<PixelWork>(params.film_len())?;
         // Another part of the same picture begins where the last one ended, not with small launches again.
         if let Some((_, mut plan)) = self.picture_plan.take().filter(|(key, _)| *key == plan_key(params)) {
@@ -462,13 +443,12 @@ impl OpenClBackend {
 
     /// What launches of pictures of this size, or of lists that are no longer, have in common.
     fn launches_of(&self, params: &RenderParams) -> Result<Launches> {
-        let samples = samples_of_launch(params, &self.options, self.context.info().kind);
-        let samples_of_item = if params.samples_apart == 0 { samples } else { 1 };
+        let samples_of_item = if params.samples_apart == 0 { self.samples_of_launch(params) } else { 1 };
         let mut plan = LaunchPlan::on(&self.context, self.first_items / samples_of_item as usize);
         // The camera may have moved away from what was dear.
         plan.expect(0.5 * self.dearest_sample_s * f64::from(samples_of_item));
         let items = if params.samples_apart == 0 { items_of(params) } else { params.samples_apart as usize };
-        Ok(Launches { deferred: Deferred::new(&self.context, self.passes.defers(), items)?, plan, samples })
+        Ok(Launches { deferred: Deferred::new(&self.context, self.passes.defers(), items)?, plan })
     }
 
     /// The same picture, with samples that are items of their own if this device is to trace them so: at the end of a
@@ -488,6 +468,22 @@ impl OpenClBackend {
             && room >= LEAST_APART.min(items)
             && items <= u64::from(u32::MAX);
         RenderParams { samples_apart: if are_apart { room as u32 } else { 0 }, ..*params }
+    }
+
+    /// How many samples of each pixel one launch traces. A pixel that is an item with several is traced again with all
+    /// of them if it is deferred, of which more than one seldom is, and a GPU waits for the slowest pixel with all its
+    /// samples; but the next launch finds less in caches. Milliseconds of 16 samples, 16, 4 and 1 at a time: H200, 1024
+    /// x 1024: bunny 8.7, 7.0, 7.0; gears 13.9, 11.4, 12.9; coffee 480, 370, 314; showcase.toml 2257, 426, 389. PoCL,
+    /// two cores, 512 x 512: coffee 11460, 9600, 9340; bunny 580, 740, 710.
+    fn samples_of_launch(&self, params: &RenderParams) -> u32 {
+        let most = match self.context.info().kind {
+            _ if params.samples_apart != 0 => MOST_SAMPLES_APART,
+            // What is counted of a pixel is stored once.
+            _ if self.options.counters => u32::MAX,
+            DeviceKind::Gpu => 4,
+            _ => 16,
+        };
+        most.min(params.sample_count).max(1)
     }
 
     /// Renders into the film of `picture`.
@@ -514,10 +510,11 @@ impl OpenClBackend {
         picture: &PictureBuffers,
         work: &Option<Buffer<PixelWork>>,
         params: &RenderParams,
-        Launches { deferred, plan, samples: at_a_time }: &mut Launches,
+        Launches { deferred, plan }: &mut Launches,
         progress: Progress,
     ) -> Result<Rendered> {
         let before = deferred.resolved();
+        let at_a_time = self.samples_of_launch(params);
         let entry = Entry::of_picture(self.options.packet_size);
         let OpenClBackend { context, scene, passes, work_group, dearest_sample_s, .. } = self;
         let mut rendered = Rendered::default();
@@ -527,19 +524,17 @@ impl OpenClBackend {
         // As many pixels at a time as there is room for their samples of one launch.
         let pixels_at_a_time = match params.samples_apart {
             0 => pixels,
-            room => pixels.div_ceil(pixels.div_ceil(room as usize / *at_a_time as usize)),
+            room => pixels.div_ceil(pixels.div_ceil(room as usize / at_a_time as usize)),
         };
         let parts = (0..pixels).step_by(pixels_at_a_time).map(|from| from..pixels.min(from + pixels_at_a_time));
-        let firsts = (0..samples).step_by(*at_a_time as usize);
+        let firsts = (0..samples).step_by(at_a_time as usize);
         for (part, first_sample) in parts.flat_map(|part| firsts.clone().map(move |first| (part.clone(), first))) {
-            let end_sample = samples.min(first_sample + *at_a_time);
+            let end_sample = samples.min(first_sample + at_a_time);
             let launched = (end_sample - first_sample) as usize;
             let [samples_of_item, apart] = if params.samples_apart == 0 { [launched, 1] } else { [1, launched] };
             let set = |kernel: &mut Kernel| {
-                let arguments = match apart {
-                    1 => picture.arguments(scene, kernel)?,
-                    _ => picture.arguments_apart(scene, kernel)?,
-                };
+                let film = if apart > 1 { &picture.radiances } else { &picture.film };
+                let arguments = picture.arguments_into(film, scene, kernel)?;
                 arguments.set_work(work)?.set(&deferred.items)?.set(first_sample)?.set(end_sample).map(|_| ())
             };
             let shape = (part.start * apart..part.end * apart, *work_group);
@@ -554,7 +549,8 @@ impl OpenClBackend {
             rendered.kernel_s += seconds?;
             if apart > 1 {
                 let set = |kernel: &mut Kernel| {
-                    picture.arguments_of_adding(kernel)?.set(first_sample)?.set(end_sample).map(|_| ())
+                    let arguments = Arguments::of(kernel).set(&picture.params)?.set(&picture.radiances)?;
+                    arguments.set(&picture.film)?.set(first_sample)?.set(end_sample).map(|_| ())
                 };
                 rendered.kernel_s += passes.run_short(context, Entry::AddSamples, &set, (part, *work_group))?;
             }

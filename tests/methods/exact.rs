@@ -414,7 +414,7 @@ struct Row {
     direction: [f32; 3],
     limits: [f32; 2],
     hit: Answer,
-    /// The direction of a next ray, and its hit.
+    /// The direction of a secondary ray, and its hit.
     next: Option<([f32; 3], Answer)>,
 }
 
@@ -510,7 +510,7 @@ fn rows_at_the_ends() -> Vec<Row> {
         Row {
             next: Some(([-p(-16), p(-146), 0.0], Some((1, p(-72))))),
             ..row(
-                "a next ray that is hardly off its triangle",
+                "a secondary ray that is hardly off its triangle",
                 &[flat(1.0, 0.0), [[1.0, 0.25, -1.0], [-1.0, -2.0, 1.0], [-1.0, 3.0, 1.0]]],
                 [p(-88), 0.25, 1.0],
                 DOWN,
@@ -521,7 +521,7 @@ fn rows_at_the_ends() -> Vec<Row> {
         Row {
             next: Some(([0.0, 0.0, 1.0], None)),
             ..row(
-                "a next ray that starts where floats end",
+                "a secondary ray that starts where floats end",
                 &[
                     [[0.0, 0.0, 0.0], [1.0, 0.0, p(-105)], [0.0, 1.0, 0.0]],
                     [[0.0, -1.0, p(-107)], [1.0, -1.0, p(-107)], [0.0, 2.0, p(-107)]],
@@ -556,7 +556,7 @@ fn rays_at_the_ends_of_float32_are_answered_exactly() {
                 let result = tracer.trace(&batch.job(false, 1), &|_| ()).unwrap();
                 assert_eq!(found(&result.hits[0]), row.hit, "{what}");
                 if let (Some((_, expected)), Some(hits)) = (row.next, result.next_hits) {
-                    assert_eq!(found(&hits[0]), expected, "{what}, next ray");
+                    assert_eq!(found(&hits[0]), expected, "{what}, secondary ray");
                 }
                 if row.next.is_none() {
                     let any = tracer.trace(&batch.job(true, 1), &|_| ()).unwrap().hits[0];

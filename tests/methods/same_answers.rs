@@ -24,8 +24,8 @@
 //! As a rule a spread: each value in each structure, and each triangle test in each traversal, in at least one
 //! combination; with `RAYBROOK_THOROUGH=1` each two values of any two options that go together. Each on one model, but
 //! those of the mega-kernel with the exact test on every model; and the twin in every structure, build and traversal.
-//! Closest hits are asked of each set of kernels, those of next rays of one in [`NEXT`], any hits of one in [`ANY`],
-//! pictures of one in [`PICTURES`], in a usual run of one in [`WAVEFRONT`] of the wavefront kernels; one in
+//! Closest hits are asked of each set of kernels, those of secondary rays of one in [`NEXT`], any hits of one in
+//! [`ANY`], pictures of one in [`PICTURES`], in a usual run of one in [`WAVEFRONT`] of the wavefront kernels; one in
 //! [`OPTIMISED`] is compiled with optimisations.
 //!
 //! With `RAYBROOK_ALL_COMBINATIONS=1` every combination on every model: thousands of programs to compile.
@@ -59,8 +59,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 const ALL_COMBINATIONS: &str = "RAYBROOK_ALL_COMBINATIONS";
 /// Sizes of the pictures: in the spread, and for all combinations.
 const SIZES: [(u32, u32); 2] = [(32, 24), (64, 48)];
-/// One in so many sets of the mega-kernel's kernels in the spread is asked for the hits of next rays, too. The ways
-/// through a structure are compared for them by tests/methods/traverse.rs.
+/// One in so many sets of the mega-kernel's kernels in the spread is asked for the hits of secondary rays, too. The
+/// ways through a structure are compared for them by tests/methods/traverse.rs.
 const NEXT: usize = 3;
 /// One in so many for any hits; in a usual run half as many, and half as many as in [`PICTURES`] for pictures.
 const ANY: usize = 3;
@@ -205,9 +205,9 @@ fn by_kernels(combinations: Vec<TraceOptions>) -> Vec<Vec<TraceOptions>> {
 }
 
 /// The combinations of the spread, each with one model, but those of the mega-kernel with the exact test with all.
-/// Wavefront kernels are asked for pictures; of the mega-kernel's one in [`NEXT`] for next rays, too, one in [`ANY`]
-/// for any hits, and one in [`PICTURES`] for pictures, but none with the exact test, because compiling is what takes
-/// long. Other tests render with it.
+/// Wavefront kernels are asked for pictures; of the mega-kernel's one in [`NEXT`] for secondary rays, too, one in
+/// [`ANY`] for any hits, and one in [`PICTURES`] for pictures, but none with the exact test, because compiling is what
+/// takes long. Other tests render with it.
 fn jobs_of_spread(lists: &[Vec<TraceOptions>], models: usize) -> Vec<Vec<Job>> {
     let thinned = if is_thorough() { 1 } else { 2 };
     let is_wavefront = |list: &Vec<TraceOptions>| list[0].picture.kernels == Kernels::Wavefront;

@@ -63,7 +63,7 @@ fn shuffled(rays: &[TraceRay], random: &mut Random) -> Vec<TraceRay> {
     rays
 }
 
-/// What a batch's jobs give, each repeated twice: closest hits, those with next rays, any hits.
+/// What a batch's jobs give, each repeated twice: closest hits, those with secondary rays, any hits.
 fn answers(
     device: Option<&DeviceHandle>,
     options: &TraceOptions,
@@ -111,7 +111,7 @@ fn sorted_batches_have_the_answers_of_those_in_the_callers_order() {
                     assert_eq!(sorted.second_pass, kept.second_pass, "job {job} of {what}");
                 }
                 let [next, kept_next] = [sorted, kept].map(|result| result.next_hits.as_deref().map(bits));
-                assert_eq!(next, kept_next, "next rays of {what}");
+                assert_eq!(next, kept_next, "secondary rays of {what}");
                 assert_eq!(next.is_some(), job == 1);
                 assert_eq!((&sorted.work, &sorted.next_work), (&kept.work, &kept.next_work), "job {job} of {what}");
                 assert_eq!(sorted.work.is_some(), options.counters);

@@ -105,7 +105,7 @@ fn device_and_twin_count_the_same_and_change_no_hit() {
     let scene = scene_of(&[soup(250, 0.3, &mut random), sheet(12)].concat());
     // Each size of a short stack is a program to compile.
     let is_tried = |options: &TraceOptions| {
-        // Nor do arrays in other memories count otherwise.
+        // So is each other memory, whose macros count by the same functions.
         let is_usual = options.arrays == COUNTED.arrays && options.kd().stack_size.is_none_or(|size| size == 1);
         is_usual || is_thorough()
     };
@@ -127,7 +127,7 @@ fn device_and_twin_count_the_same_and_change_no_hit() {
             assert_same_work(&what, &got.work, &expected.work);
             assert_eq!((got.next_work.is_some(), expected.next_work.is_some()), (next.is_some(), next.is_some()));
             if next.is_some() {
-                assert_same_work(&format!("next rays, {what}"), &got.next_work, &expected.next_work);
+                assert_same_work(&format!("secondary rays, {what}"), &got.next_work, &expected.next_work);
             }
             let silent = trace(silent_twin.as_mut(), &rays, next, any_hit);
             assert!(silent.work.is_none() && silent.next_work.is_none());

@@ -137,7 +137,7 @@ impl TraceArgs {
     }
 
     /// The option, if there is one, with which there are no secondary rays.
-    fn without_second_rays(&self) -> Option<&'static str> {
+    fn without_secondary_rays(&self) -> Option<&'static str> {
         let given = [
             (self.any_hit, "--any-hit"),
             (self.count, "--count"),
@@ -439,7 +439,7 @@ pub fn run(args: &TraceArgs, talk: Talk) -> Result<Code> {
     }
     let device = devices.first().cloned().flatten();
     let batch = rays()?;
-    if let Some(option) = args.without_second_rays()
+    if let Some(option) = args.without_secondary_rays()
         && batch.next_directions.is_some()
     {
         let message = "cannot be combined with the array 'next_direction': a secondary ray starts at the closest hit";
