@@ -57,7 +57,7 @@
 //!
 //! | choice | values | default |
 //! |---|---|---|
-//! | [`device`](TracerBuilder::device) | `gpu`, `cpu`, `reference`, a number or a part of a name; [`devices()`] lists them | the fastest |
+//! | [`device`](TracerBuilder::device) | `gpu`, `cpu`, `reference`, a number or a part of a name ([`devices()`] lists them); several, as in `0,2`, or `all` | the fastest |
 //! | [`method`](TracerBuilder::method) | structure, build, traversal and triangle test, as in `kd+ropes+plucker` | the fastest exact one |
 //! | [`precision`](TracerBuilder::precision) | [`Precision::Exact`], [`Precision::Fast`] | exact |
 //! | [`progress`](TracerBuilder::progress) | a function | none |

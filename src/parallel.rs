@@ -24,7 +24,8 @@ fn part_of(count: usize) -> usize {
     count.div_ceil(PARTS_OF_THREAD * rayon::current_num_threads()).clamp(1, MOST_OF_PART)
 }
 
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+/// What a mutex has, whatever became of the thread that had it before.
+pub fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 

@@ -23,16 +23,18 @@ use crate::budget::MemoryBudget;
 use crate::crossings::count_crossings;
 use crate::error::Result;
 use crate::io::rays::RayBatch;
-use crate::layout::Float4;
 use crate::options::{PacketSize, TraceOptions};
 use crate::pack::SceneBuffers;
+use crate::parallel::lock;
 use crate::reference::extreme::TracingBatch;
 use crate::renderer::Part;
 use crate::several::Pace;
 use crate::shared::Hit;
 use crate::tracer::{AllHits, AllHitsJob, Backend, ExtremeRay, Progress, TraceJob, TraceResult, is_hit};
+use glam::Vec3;
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
+use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
 /// Rays of a run: what two cores trace in a tenth of a second to a few seconds, 16 MiB of hits. Shuffled any-hit rays
@@ -88,13 +90,64 @@ impl Runs {
     }
 }
 
+/// Rays in world units.
+pub trait GivenRays: Sync {
+    /// Origin and direction of one.
+    fn ray(&self, number: usize) -> (Vec3, Vec3);
+}
+
+impl GivenRays for RayBatch {
+    fn ray(&self, number: usize) -> (Vec3, Vec3) {
+        (self.origins[number].into(), self.directions[number].into())
+    }
+}
+
+impl<F: Fn(usize) -> (Vec3, Vec3) + Sync> GivenRays for F {
+    fn ray(&self, number: usize) -> (Vec3, Vec3) {
+        self(number)
+    }
+}
+
+/// The rays of a batch as the tracers take them.
+#[derive(Clone, Copy)]
+pub enum RunRays<'a> {
+    /// All of them.
+    Made(&'a TracingBatch),
+    /// Those of one run at a time, when it is traced: a batch need not be in memory twice.
+    OnDemand(&'a RaysOnDemand<'a>),
+}
+
+/// Rays that are made when they are traced, always in the same memory: new memory is cleared first, page by page, which
+/// takes as long as to make the rays.
+pub struct RaysOnDemand<'a> {
+    /// Makes those of a range, without secondary rays, in the memory of others.
+    make: &'a (dyn Fn(&mut TracingBatch, Range<usize>) + Sync),
+    /// Memory of such that have been traced.
+    traced: Mutex<Vec<TracingBatch>>,
+}
+
+impl<'a> RaysOnDemand<'a> {
+    /// Of what makes the rays of a range in the memory of others.
+    pub fn new(make: &'a (dyn Fn(&mut TracingBatch, Range<usize>) + Sync)) -> RaysOnDemand<'a> {
+        RaysOnDemand { make, traced: Mutex::default() }
+    }
+
+    fn with<T>(&self, rays: Range<usize>, work: impl FnOnce(&TracingBatch) -> T) -> T {
+        let mut batch = lock(&self.traced).pop().unwrap_or_default();
+        (self.make)(&mut batch, rays);
+        let done = work(&batch);
+        lock(&self.traced).push(batch);
+        done
+    }
+}
+
 /// Rays to be traced in runs.
 #[derive(Clone, Copy)]
 pub struct BatchJob<'a> {
-    /// The rays in world units.
-    pub given: &'a RayBatch,
+    /// The rays as they were given; asked for their crossings alone.
+    pub given: &'a dyn GivenRays,
     /// The same as the tracers take them.
-    pub rays: &'a TracingBatch,
+    pub rays: RunRays<'a>,
     /// What is asked of each.
     pub asked: Asked,
     /// How much memory lists of hits may take.
@@ -223,67 +276,80 @@ fn next_most(runs: usize, took: Duration) -> usize {
 }
 
 impl BatchJob<'_> {
-    /// Whether the bits of an answer are the same whatever else is traced with its ray.
+    /// Whether several runs are traced together: where the bits of an answer are the same whatever else is traced with
+    /// its ray, and all rays are in memory in any case.
     fn go_together(&self, options: &TraceOptions) -> bool {
-        options.packet_size == PacketSize::One || (options.is_exact() && self.asked != Asked::Any)
-    }
-
-    /// Those of secondary rays, which start at closest hits.
-    fn next_directions(&self) -> Option<&[Float4]> {
-        self.rays.next_directions.as_deref().filter(|_| self.asked == Asked::Closest)
+        let is_own = options.packet_size == PacketSize::One || (options.is_exact() && self.asked != Asked::Any);
+        is_own && matches!(self.rays, RunRays::Made(_))
     }
 
     fn trace(
         &self,
-        (tracer, buffers): (&mut dyn Backend, &SceneBuffers),
+        tracer: (&mut dyn Backend, &SceneBuffers),
         (runs, now): (Runs, Range<usize>),
         progress: Progress,
     ) -> Result<TracedRuns> {
-        let rays = runs.rays_of(now.clone());
-        let extreme = self.extreme_of(&rays);
-        let job = TraceJob {
-            rays: &self.rays.rays[rays.clone()],
-            next_directions: self.next_directions().map(|next| &next[rays.clone()]),
-            extreme: &extreme,
-            any_hit: self.asked == Asked::Any,
-            repeat: 1,
-        };
+        let (rays, any_hit) = (runs.rays_of(now.clone()), self.asked == Asked::Any);
+        match self.rays {
+            RunRays::Made(all) => {
+                let extreme = extreme_of(all, &rays);
+                // Secondary rays start at closest hits.
+                let next = all.next_directions.as_deref().filter(|_| self.asked == Asked::Closest);
+                let job = TraceJob {
+                    rays: &all.rays[rays.clone()],
+                    next_directions: next.map(|next| &next[rays]),
+                    extreme: &extreme,
+                    any_hit,
+                    repeat: 1,
+                };
+                self.trace_job(tracer, &job, (runs, now), progress)
+            }
+            RunRays::OnDemand(made) => {
+                made.with(rays, |batch| self.trace_job(tracer, &batch.job(any_hit, 1), (runs, now), progress))
+            }
+        }
+    }
+
+    fn trace_job(
+        &self,
+        (tracer, buffers): (&mut dyn Backend, &SceneBuffers),
+        job: &TraceJob,
+        (runs, now): (Runs, Range<usize>),
+        progress: Progress,
+    ) -> Result<TracedRuns> {
         let Some(most) = self.asked.most() else {
-            let result = tracer.trace(&job, progress)?;
+            let result = tracer.trace(job, progress)?;
             let found = result.hits.chunks(runs.length).map(Found::of_hits).collect();
             return Ok(TracedRuns { runs: now, found, took: Took::of(&result), answers: Answers::of(result) });
         };
         let wants_hits = self.asked != Asked::Count;
-        let job = AllHitsJob { most, wants_hits, budget: Some(self.budget), ..AllHitsJob::of(&job) };
+        let job = AllHitsJob { most, wants_hits, budget: Some(self.budget), ..AllHitsJob::of(job) };
         let all = tracer.trace_all(&job, progress)?;
+        let first = runs.rays_of(now.clone()).start;
         let of_run = |run: usize| {
             let Range { start, end } = runs.rays_of(run..run + 1);
-            Found::of_list(&all, start - rays.start..end - rays.start)
+            Found::of_list(&all, start - first..end - first)
         };
         let (found, took) = (now.clone().map(of_run).collect(), Took::of_list(&all));
-        let counts = self.counts((buffers, &all), rays.start);
+        let counts = self.counts((buffers, &all), first);
         let hits = if self.asked.lists_hits() { all.hits } else { Vec::new() };
         Ok(TracedRuns { runs: now, answers: Answers { counts, hits, next_hits: Vec::new() }, found, took })
     }
 
-    /// The extreme ones among some rays, numbered from the first of these on.
-    fn extreme_of(&self, rays: &Range<usize>) -> Vec<ExtremeRay> {
-        let extreme = &self.rays.extreme;
-        let place = |index: usize| extreme.partition_point(|ray| ray.index < index);
-        let those = &extreme[place(rays.start)..place(rays.end)];
-        those.iter().map(|ray| ExtremeRay { index: ray.index - rays.start, ..*ray }).collect()
-    }
-
     /// How many hits rays have, or how often they cross surfaces: those from number `first` of the batch on.
     pub fn counts(&self, (buffers, all): (&SceneBuffers, &AllHits), first: usize) -> Vec<u32> {
-        let RayBatch { origins, directions, .. } = self.given;
         match self.asked {
-            Asked::Crossings => {
-                count_crossings(buffers, all, |i| (origins[first + i].into(), directions[first + i].into()))
-            }
+            Asked::Crossings => count_crossings(buffers, all, |i| self.given.ray(first + i)),
             _ => (0..all.starts.len().saturating_sub(1)).map(|ray| all.count(ray) as u32).collect(),
         }
     }
+}
+
+/// The extreme ones among some rays of a batch, numbered from the first of these on.
+fn extreme_of(batch: &TracingBatch, rays: &Range<usize>) -> Vec<ExtremeRay> {
+    let place = |index: usize| batch.extreme.partition_point(|ray| ray.index < index);
+    let those = &batch.extreme[place(rays.start)..place(rays.end)];
+    those.iter().map(|ray| ExtremeRay { index: ray.index - rays.start, ..*ray }).collect()
 }
 
 impl Took {

@@ -18,7 +18,25 @@ use std::thread::Scope;
 use std::time::{Duration, Instant};
 
 /// What opens a tracer of the scene; called by any thread.
-type Open<'a> = Box<dyn FnOnce() -> Result<(Arc<SceneBuffers>, Box<dyn Backend>)> + Send + 'a>;
+type Open<'a> = Box<dyn FnOnce() -> Result<(Arc<SceneBuffers>, OpenTracer<'a>)> + Send + 'a>;
+
+/// A tracer that is ready.
+pub enum OpenTracer<'a> {
+    /// It is released once the work is done.
+    Own(Box<dyn Backend>),
+    /// Its owner goes on with it.
+    Lent(&'a mut (dyn Backend + 'static)),
+}
+
+impl OpenTracer<'_> {
+    /// What traces.
+    pub fn tracer(&mut self) -> &mut dyn Backend {
+        match self {
+            OpenTracer::Own(tracer) => tracer.as_mut(),
+            OpenTracer::Lent(tracer) => *tracer,
+        }
+    }
+}
 
 /// One of several devices.
 pub struct DeviceTracer<'a> {
@@ -29,6 +47,17 @@ pub struct DeviceTracer<'a> {
     pub is_processor: bool,
     /// Opens it.
     pub open: Open<'a>,
+}
+
+impl<'a> DeviceTracer<'a> {
+    /// The same for a shorter time: the compiler does not see that what is opened may be needed for less than it lasts.
+    fn within<'b>(self) -> DeviceTracer<'b>
+    where
+        'a: 'b,
+    {
+        let open = move || -> Result<(Arc<SceneBuffers>, OpenTracer<'b>)> { (self.open)() };
+        DeviceTracer { name: self.name, is_processor: self.is_processor, open: Box::new(open) }
+    }
 }
 
 /// Several devices, and what is left without them.
@@ -51,9 +80,10 @@ impl<'a> Devices<'a> {
         let ahead = |DeviceTracer { name, is_processor, open }: DeviceTracer<'a>| {
             let opening = scope.spawn(open);
             let open = move || opening.join().unwrap_or_else(|panic| resume_unwind(panic));
-            DeviceTracer { name, is_processor, open: Box::new(open) }
+            DeviceTracer { name, is_processor, open: Box::new(open) }.within()
         };
-        Devices { devices: self.devices.into_iter().map(ahead).collect(), last_resort: self.last_resort }
+        let last_resort = self.last_resort.map(DeviceTracer::within);
+        Devices { devices: self.devices.into_iter().map(ahead).collect(), last_resort }
     }
 }
 
@@ -76,11 +106,11 @@ pub trait Watcher: Sync {
         false
     }
 
-    /// A device failed; others go on, unless this fails, too.
+    /// A device failed, by its place among them and its name; others go on, unless this fails, too.
     ///
     /// # Errors
     /// What ends the work then.
-    fn lost(&self, name: &str, error: Error, takeover: Takeover) -> Result<()>;
+    fn lost(&self, device: (usize, &str), error: Error, takeover: Takeover) -> Result<()>;
 }
 
 /// Hands on pieces that are finished, by calling what takes them, unless another device has finished some of them.
@@ -183,7 +213,7 @@ impl Worker<'_> {
         let mut share = DeviceShare { name, pieces: 0, busy_s: 0.0 };
         let ended = open().and_then(|(buffers, mut tracer)| {
             self.queue.lock().was_ready = true;
-            let ended = self.work((tracer.as_mut(), &buffers), &mut share);
+            let ended = self.work((tracer.tracer(), &buffers), &mut share);
             if ended.as_ref().is_err_and(Error::is_lost_device) {
                 // A driver that failed may hang in the release of what is left.
                 std::mem::forget(tracer);

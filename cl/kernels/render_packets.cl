@@ -8,7 +8,7 @@
 typedef struct {
     float3 sum; // of the samples before
     uint counts[COUNTERS];
-} Pixel;
+} Item;
 
 // Items of a tile.
 #define TILE_ITEMS (16u * PACKETS_OF_ITEM)
@@ -39,10 +39,10 @@ typedef struct {
     __global const RenderParams* render;
     __global const CameraSample* samples;
     uint item, apart, sample;
-    Pixel* pixels;
+    Item* items;
     Path* paths;
     ulong* is_deferred;
-} PixelGroup;
+} ItemGroup;
 
 // Which of a path's rays.
 #define CAMERA_RAYS 0u
@@ -72,13 +72,13 @@ void next_item(__global const RenderParams* render, uint apart, ItemPlace* place
 }
 
 // A lane's pixel, and the number of its sample.
-uint2 pixel_of_lane(const PixelGroup* group, uint lane) {
+uint2 pixel_of_lane(const ItemGroup* group, uint lane) {
     return pixel_of_item(group->render, (group->item + lane) / group->apart);
 }
-uint sample_of_lane(const PixelGroup* group, uint lane) { return group->sample + (group->item + lane) % group->apart; }
+uint sample_of_lane(const ItemGroup* group, uint lane) { return group->sample + (group->item + lane) % group->apart; }
 
 // A camera ray or one that was waiting.
-void take_pending(const PixelGroup* group, const uint kind, uint lane, PendingRay* pending) {
+void take_pending(const ItemGroup* group, const uint kind, uint lane, PendingRay* pending) {
     if (kind == CAMERA_RAYS)
         *pending =
             first_of_path(group->render, group->samples, pixel_of_lane(group, lane), sample_of_lane(group, lane));
@@ -87,7 +87,7 @@ void take_pending(const PixelGroup* group, const uint kind, uint lane, PendingRa
 }
 
 // All of it but the ray.
-void take_history(const PixelGroup* group, const uint kind, uint lane, PendingRay* pending) {
+void take_history(const ItemGroup* group, const uint kind, uint lane, PendingRay* pending) {
     if (kind == CAMERA_RAYS)
         begin_path(
             group->render,
@@ -97,7 +97,7 @@ void take_history(const PixelGroup* group, const uint kind, uint lane, PendingRa
         load_history(waiting_ray(&group->paths[lane]), pending);
 }
 
-void take_ray_of(const PixelGroup* group, const uint kind, uint lane, Ray* ray) {
+void take_ray_of(const ItemGroup* group, const uint kind, uint lane, Ray* ray) {
     if (kind == SHADOW_RAYS || kind == PASSED_RAYS) {
         const Path* path = &group->paths[lane];
         const SurfacePoint* from = kind == SHADOW_RAYS ? &path->start : &path->passed;
@@ -110,7 +110,7 @@ void take_ray_of(const PixelGroup* group, const uint kind, uint lane, Ray* ray) 
 }
 
 // The same rays of `lanes` for make_packet().
-void pack_rays(const PixelGroup* group, const uint kind, ulong lanes, RayPacket* p) {
+void pack_rays(const ItemGroup* group, const uint kind, ulong lanes, RayPacket* p) {
     begin_packet(p);
     for (; lanes != 0ul; lanes = other_lanes8(lanes)) {
         const uint lane = first_lane16(lanes);
@@ -129,7 +129,7 @@ void pack_rays(const PixelGroup* group, const uint kind, ulong lanes, RayPacket*
 }
 
 // The camera rays of `lanes` from lane `from` on, as first_of_path() makes them.
-void pack_camera_rays(const PixelGroup* group, uint from, ulong lanes, RayPacket* p) {
+void pack_camera_rays(const ItemGroup* group, uint from, ulong lanes, RayPacket* p) {
     __global const RenderParams* render = group->render;
     const int16 is_ray = mask_of_lanes16(lanes);
     float16 x = (float16)(0.0f), y = (float16)(0.0f);
@@ -175,7 +175,7 @@ void pack_camera_rays(const PixelGroup* group, uint from, ulong lanes, RayPacket
 
 // The closest hits of the rays of `lanes`, or with any_hit whether there are any. Only camera rays have more than one
 // packet: theirs go on in the next items. *packet: the rays that were traced together.
-void trace_lanes(GEOMETRY_PARAMETERS, const PixelGroup* group, const uint kind, const ulong* lanes, const bool any_hit,
+void trace_lanes(GEOMETRY_PARAMETERS, const ItemGroup* group, const uint kind, const ulong* lanes, const bool any_hit,
                  RayPacket* packet, PacketAnswer* answer) {
     const uint packets = kind == CAMERA_RAYS ? PACKETS_OF_ITEM : 1u;
     PacketHits found[PACKETS_OF_ITEM];
@@ -219,7 +219,7 @@ void trace_lanes(GEOMETRY_PARAMETERS, const PixelGroup* group, const uint kind, 
 
 // Lets the shadow rays of that kind, which were traced, go on behind what they have hit, if it is transparent. Returns
 // those that do.
-ulong pass_surfaces(SCENE_PARAMETERS, const PixelGroup* group, const uint kind, const RayPacket* packet,
+ulong pass_surfaces(SCENE_PARAMETERS, const ItemGroup* group, const uint kind, const RayPacket* packet,
                     const PacketAnswer* answer) {
     const Geometry* geometry = &scene->geometry;
     ulong passed = 0ul;
@@ -253,12 +253,12 @@ ulong pass_surfaces(SCENE_PARAMETERS, const PixelGroup* group, const uint kind, 
 }
 
 // What light_visibility() is for each of the shadow rays of `lanes`, in path->tint.
-void see_lamp(SCENE_PARAMETERS, const PixelGroup* group, ulong lanes) {
+void see_lamp(SCENE_PARAMETERS, const ItemGroup* group, ulong lanes) {
     const Geometry* geometry = &scene->geometry;
     const bool is_tinted = has_transparent(scene);
     for (ulong rest = lanes; rest != 0ul; rest = other_lanes8(rest)) {
         const uint lane = first_lane16(rest);
-        group->pixels[lane].counts[COUNT_SHADOW_CAST]++;
+        group->items[lane].counts[COUNT_SHADOW_CAST]++;
         group->paths[lane].tint = (float3)(1.0f);
     }
     RayPacket packet;
@@ -278,7 +278,7 @@ void see_lamp(SCENE_PARAMETERS, const PixelGroup* group, ulong lanes) {
     // Dark are also those still on their way, and where nothing is seen through all that have hit.
     for (dark |= open; dark != 0ul; dark = other_lanes8(dark)) {
         const uint lane = first_lane16(dark);
-        group->pixels[lane].counts[COUNT_SHADOW_HIT]++;
+        group->items[lane].counts[COUNT_SHADOW_HIT]++;
         group->paths[lane].tint = (float3)(0.0f);
     }
 }
@@ -290,7 +290,7 @@ typedef struct {
 
 // Of a lamp at `position`. *has_halfway: the lanes of which it is sure of that. Returns those of which it is sure of
 // all else.
-ulong directions_to_lamp(const PixelGroup* group, ulong lanes, float3 position, PacketLamp* lamp, ulong* has_halfway) {
+ulong directions_to_lamp(const ItemGroup* group, ulong lanes, float3 position, PacketLamp* lamp, ulong* has_halfway) {
     float16 from[3], view[3], scale, inverse;
 #pragma unroll
     for (uint i = 0; i < 3u; i++) from[i] = view[i] = (float16)(0.0f);
@@ -312,7 +312,7 @@ ulong directions_to_lamp(const PixelGroup* group, ulong lanes, float3 position, 
 }
 
 // Adds lamp number `index` to the light of the surfaces of `lanes`.
-void add_lamp(SCENE_PARAMETERS, const PixelGroup* group, ulong lanes, uint index) {
+void add_lamp(SCENE_PARAMETERS, const ItemGroup* group, ulong lanes, uint index) {
     __global const Light* light = &scene->lights[index];
     PacketLamp lamp;
     ulong lit = 0ul, known = 0ul, has_halfway = 0ul;
@@ -348,7 +348,7 @@ void add_lamp(SCENE_PARAMETERS, const PixelGroup* group, ulong lanes, uint index
 
 // What the paths of `lanes` have hit: path->pending (of its ray only what shading wants, origin and direction), surface
 // and direction; of those that have missed the direction alone.
-void find_surfaces(SCENE_PARAMETERS, const PixelGroup* group, const uint kind, ulong lanes, const RayPacket* packet,
+void find_surfaces(SCENE_PARAMETERS, const ItemGroup* group, const uint kind, ulong lanes, const RayPacket* packet,
                    const PacketAnswer* answer) {
     const Geometry* geometry = &scene->geometry;
     float16 unit[3], scale, inverse;
@@ -394,21 +394,21 @@ void find_surfaces(SCENE_PARAMETERS, const PixelGroup* group, const uint kind, u
 }
 
 // Shades what the paths of `lanes` have hit.
-void follow_paths(SCENE_PARAMETERS, const PixelGroup* group, const uint kind, ulong lanes, const RayPacket* packet,
+void follow_paths(SCENE_PARAMETERS, const ItemGroup* group, const uint kind, ulong lanes, const RayPacket* packet,
                   const PacketAnswer* answer) {
     find_surfaces(SCENE, group, kind, lanes, packet, answer);
     for (ulong rest = lanes; rest != 0ul; rest = other_lanes8(rest)) {
         const uint lane = first_lane16(rest);
         Path* path = &group->paths[lane];
         const uint counted = kind == CAMERA_RAYS ? COUNT_CAMERA_CAST : kind_of_waiting(waiting_ray(path));
-        group->pixels[lane].counts[counted]++;
+        group->items[lane].counts[counted]++;
         if ((answer->hits & lane_bit16(lane)) == 0ul) {
             const float3 weight =
                 kind == CAMERA_RAYS ? (float3)(1.0f) : as_float3(waiting_ray(path)->weight_kind_depth.xyz);
             path->radiance += weight * limit_radiance(background(scene, path->direction));
             continue;
         }
-        group->pixels[lane].counts[counted + 1u]++; // …_HIT follows …_CAST
+        group->items[lane].counts[counted + 1u]++; // …_HIT follows …_CAST
         path->material = scene->materials[path->surface.material];
         path->light = light_without_lamps(SCENE, &path->surface, &path->material, &path->pending, path->direction);
         path->start = path->surface.point;
@@ -430,7 +430,7 @@ void follow_paths(SCENE_PARAMETERS, const PixelGroup* group, const uint kind, ul
 }
 
 // Adds the sample of the paths of `lanes`, whose camera rays were traced, to their items.
-void add_sample(SCENE_PARAMETERS, const PixelGroup* group, ulong lanes, RayPacket* packet, PacketAnswer* answer) {
+void add_sample(SCENE_PARAMETERS, const ItemGroup* group, ulong lanes, RayPacket* packet, PacketAnswer* answer) {
     const Geometry* geometry = &scene->geometry;
     for (ulong rest = lanes; rest != 0ul; rest = other_lanes8(rest)) {
         Path* path = &group->paths[first_lane16(rest)];
@@ -452,7 +452,7 @@ void add_sample(SCENE_PARAMETERS, const PixelGroup* group, ulong lanes, RayPacke
     }
     for (ulong rest = lanes; rest != 0ul; rest = other_lanes8(rest)) {
         const uint lane = first_lane16(rest);
-        group->pixels[lane].sum += group->paths[lane].radiance;
+        group->items[lane].sum += group->paths[lane].radiance;
     }
 }
 
@@ -471,7 +471,7 @@ void render_tile(SCENE_PARAMETERS, const PictureLaunch* launch, DEFERRED_ARGUMEN
     __global const RenderParams* render = launch->render;
     __global float4* film = launch->film;
     const uint apart = items_of_pixel(render, launch->first_sample, launch->end_sample);
-    Pixel pixels[TILE_ITEMS];
+    Item items[TILE_ITEMS];
     ulong inside[PACKETS_OF_ITEM], is_deferred[PACKETS_OF_ITEM];
     for (uint k = 0; k < PACKETS_OF_ITEM; k++) inside[k] = is_deferred[k] = 0ul;
     ItemPlace place;
@@ -479,18 +479,18 @@ void render_tile(SCENE_PARAMETERS, const PictureLaunch* launch, DEFERRED_ARGUMEN
     for (uint i = 0; i < TILE_ITEMS; i++, next_item(render, apart, &place)) {
         if (item + i >= launch->end || !is_in_film(render, place.pixel)) continue;
         inside[i / 16u] |= lane_bit16(i % 16u);
-        pixels[i].sum = first_sum(render, film, place.pixel, launch->first_sample, apart);
-        for (uint j = 0; j < COUNTERS; j++) pixels[i].counts[j] = 0u;
+        items[i].sum = first_sum(render, film, place.pixel, launch->first_sample, apart);
+        for (uint j = 0; j < COUNTERS; j++) items[i].counts[j] = 0u;
     }
     for (uint s = launch->first_sample; s < launch->end_sample; s += apart) {
         Path paths[16];
         RayPacket packets[PACKETS_OF_ITEM];
         PacketAnswer answers[PACKETS_OF_ITEM];
-        const PixelGroup all = {render, launch->samples, item, apart, s, pixels, paths, is_deferred};
+        const ItemGroup all = {render, launch->samples, item, apart, s, items, paths, is_deferred};
         trace_lanes(GEOMETRY, &all, CAMERA_RAYS, inside, false, packets, answers);
         for (uint k = 0; k < PACKETS_OF_ITEM; k++) {
-            const PixelGroup sixteen = {
-                render, launch->samples, item + 16u * k, apart, s, pixels + 16u * k, paths, is_deferred + k};
+            const ItemGroup sixteen = {
+                render, launch->samples, item + 16u * k, apart, s, items + 16u * k, paths, is_deferred + k};
             add_sample(SCENE, &sixteen, inside[k], &packets[k], &answers[k]);
         }
     }
@@ -501,8 +501,8 @@ void render_tile(SCENE_PARAMETERS, const PictureLaunch* launch, DEFERRED_ARGUMEN
             ADD_DEFERRED(item + i);
             continue;
         }
-        store_sum(render, film, item + i, apart, launch->end_sample, pixels[i].sum);
-        for (uint j = 0; j < COUNTERS; j++) counts[j] += pixels[i].counts[j];
+        store_sum(render, film, item + i, apart, launch->end_sample, items[i].sum);
+        for (uint j = 0; j < COUNTERS; j++) counts[j] += items[i].counts[j];
     }
     add_counts(counts, launch->counters, item / TILE_ITEMS);
 }

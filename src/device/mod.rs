@@ -73,7 +73,7 @@ pub use list::{DeviceList, list_devices};
 pub use program::{Built, CompileOptions, Program, build};
 pub use report::{devices_json, devices_report};
 pub use resources::{KernelResources, Looked, ProgramResources, kernel_resources};
-pub use select::{Selection, select, select_working};
+pub use select::{Selection, select, select_several, select_working};
 pub use source::{KERNEL_FILES, ProgramSource};
 pub(crate) use tracer::CompiledAhead;
 pub use tracer::OpenClBackend;

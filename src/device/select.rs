@@ -4,9 +4,13 @@ use super::context::{DeviceContext, DeviceHandle};
 use super::list::{DeviceList, list_devices};
 use crate::device_info::{DeviceInfo, DeviceKind};
 use crate::error::{Error, Result};
+use std::collections::HashSet;
 
 /// The word that asks for the scalar reference instead of a device.
 const REFERENCE: &str = "reference";
+
+/// The word that asks for every device.
+const ALL: &str = "all";
 
 /// A number from here on that is no index is part of a name, such as 4090.
 const LEAST_MODEL_NUMBER: usize = 100;
@@ -38,6 +42,37 @@ pub fn select(spec: Option<&str>) -> Result<Selection> {
         return Ok(Selection::Reference { notice: None });
     }
     list_devices()?.select(spec)
+}
+
+/// The devices that `spec` means: `all`, or names as in [`select`], with commas or plus signs between them. `all` are
+/// those that are no processor, because a GPU's thread needs the processor's cores; processors where there is nothing
+/// else; and what [`select`] takes of itself where no device is usable.
+///
+/// # Errors
+/// As [`select`], and [`Error::Option`] when a device is named twice.
+pub fn select_several(spec: &str) -> Result<Vec<Selection>> {
+    if spec.trim().eq_ignore_ascii_case(ALL) {
+        return list_devices()?.select_all();
+    }
+    let names: Vec<&str> = spec.split([',', '+']).map(str::trim).collect();
+    if names.len() == 1 {
+        return Ok(vec![select(Some(spec))?]);
+    }
+    let list = list_devices()?;
+    // A name of a device may have a comma, too.
+    if let Ok(one) = list.select(Some(spec)) {
+        return Ok(vec![one]);
+    }
+    let selected = names.iter().map(|name| list.select(Some(name))).collect::<Result<Vec<_>>>()?;
+    let index = |selection: &Selection| match selection {
+        Selection::OpenCl(device) => Some(device.info.index),
+        Selection::Reference { .. } => None,
+    };
+    let mut seen = HashSet::new();
+    match selected.iter().zip(&names).find(|(selection, _)| !seen.insert(index(selection))) {
+        Some((_, name)) => Err(Error::option("device", format!("'{name}' is a device that was named before"))),
+        None => Ok(selected),
+    }
 }
 
 /// Like [`select`], where the choice is left to it, among the devices that open: with one line for the user of each
@@ -88,6 +123,16 @@ impl DeviceList {
                 Err(Error::NoDevice(format!("{message}: {}", self.diagnosis.summary())))
             }
             Err(message) => Err(Error::NoDevice(message)),
+        }
+    }
+
+    fn select_all(self) -> Result<Vec<Selection>> {
+        let usable = self.devices.iter().filter(|device| device.info.unusable.is_none()).cloned();
+        let (processors, others): (Vec<_>, Vec<_>) = usable.partition(|device| device.info.kind == DeviceKind::Cpu);
+        let chosen = if others.is_empty() { processors } else { others };
+        match chosen.is_empty() {
+            true => Ok(vec![self.select(None)?]),
+            false => Ok(chosen.into_iter().map(Selection::OpenCl).collect()),
         }
     }
 

@@ -1,12 +1,15 @@
 //! Pictures in blocks, for programs that share them out themselves.
 
+use super::together::unlocked;
 use super::tracer::Tracer;
 use super::view::{Frame, View};
 use crate::error::{Error, Result};
 use crate::io::film::Film;
+use crate::parallel::lock;
 use crate::renderer::{self, PictureBlocks, render_blocks};
 use crate::scene::Scene;
-use crate::tracer::{Finished, Progress};
+use crate::tracer::Finished;
+use std::sync::Mutex;
 
 impl View {
     /// How the picture of `scene` is cut into blocks, which [`Tracer::render_blocks`] renders. That depends on the
@@ -57,18 +60,24 @@ impl Tracer {
         let kept = wanted.iter().map(|&number| blocks.pixels(number) as u64).sum::<u64>() * Film::PIXEL_BYTES;
         self.check_blocks((size, crop), samples, kept)?;
         let picture = renderer::Picture { camera, size, samples, depth, kill_weight: None };
-        let (buffers, mut found) = (self.buffers.clone(), vec![Vec::new(); wanted.len()]);
-        let mut take = |finished: &Finished| {
+        let found: Vec<Mutex<Vec<_>>> = wanted.iter().map(|_| Mutex::default()).collect();
+        let take = |finished: &Finished| {
             for &number in finished.blocks {
                 let place = wanted.binary_search(&number).expect("only blocks that were asked for are told of");
-                found[place] = blocks.gather(number, &finished.film).into_owned();
+                *lock(&found[place]) = blocks.gather(number, &finished.film).into_owned();
             }
             Ok(())
         };
-        let wanted_blocks = (&wanted[..], None);
-        self.timed(depth, |backend, progress: Progress| {
-            render_blocks(backend, &buffers, &picture, &blocks, wanted_blocks, &mut take, progress)
-        })?;
+        match self.team.is_several() {
+            true => self.render_together((&picture, &blocks), &wanted, &take)?,
+            false => {
+                let buffers = self.buffers.clone();
+                self.timed(depth, |backend, progress| {
+                    render_blocks(backend, &buffers, &picture, &blocks, (&wanted[..], None), &mut &take, progress)
+                })?;
+            }
+        }
+        let found: Vec<_> = found.into_iter().map(unlocked).collect();
         let in_order = |number: &usize| found[wanted.partition_point(|other| other < number)].clone();
         Ok(if wanted == numbers { found } else { numbers.iter().map(in_order).collect() })
     }

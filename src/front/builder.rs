@@ -2,12 +2,13 @@
 
 use super::framing::LitScene;
 use super::scene::check_indices;
+use super::team::{Opening, Team};
 use super::tracer::{Chosen, Tracer};
 use super::view::{Frame, View};
 use crate::budget::MemoryBudget;
 use crate::choose::tune::{DeviceKey, TunedFile};
 use crate::choose::{Request, Workload};
-use crate::device::{Cache, DeviceHandle, Selection, cache_folder, select_working};
+use crate::device::{Cache, DeviceHandle, Selection, cache_folder, select_several, select_working};
 use crate::error::{Error, Result};
 use crate::options::Intersector;
 use crate::scene::Scene;
@@ -79,6 +80,11 @@ impl<'a> TracerBuilder<'a> {
     /// Where to trace: `gpu`, `cpu`, `reference` (scalar code, without OpenCL), a device's number in
     /// [`devices`](crate::devices) or a part of its name. Default: the GPU, CPU or other device that is likely to be
     /// the fastest, else the reference.
+    ///
+    /// Several, as in `0,2` or `gpu+cpu`, share large batches of rays, and pictures, with the same answers; all else is
+    /// done by the first of them. `all` is every GPU, or every other device where there is none. They trace by the
+    /// method that is best for the first. One that does not open, or fails in the middle of the work, is left out,
+    /// which [`Tracer::notes`] tells; the last one that is left is as a single one.
     pub fn device(mut self, device: &str) -> Self {
         self.device = Some(device.to_owned());
         self
@@ -168,13 +174,13 @@ impl<'a> TracerBuilder<'a> {
         self.scene.check_values()?;
         let Frame { size, samples, depth, .. } = View::default().over(&self.scene.picture)?;
         let mut notes = Vec::new();
-        let device = self.open_device(&mut notes)?;
+        let devices = self.select_devices(&mut notes)?;
         let (cache, tuned_folder) = match &self.place {
             Place::Usual => (Cache::open()?, cache_folder()),
             Place::Nowhere => (None, None),
             Place::Folder(folder) => (Some(Cache::at(folder.clone())), Some(folder.clone())),
         };
-        let info = device.as_ref().map(|device| &device.info);
+        let info = devices[0].as_ref().map(|device| &device.info);
         let lit = LitScene::new(self.scene, samples.aspect(size) as f32);
         let workload = Workload::of_scene(info, &lit.scene, true);
         let tuned = tuned_folder.zip(workload.triangle_count).and_then(|(folder, triangle_count)| {
@@ -191,8 +197,8 @@ impl<'a> TracerBuilder<'a> {
         let limit = self.memory_limit.map(MemoryBudget::of_bytes);
         let options = chosen.options;
         let TracerBuilder { progress, stop, falls_back, .. } = self;
-        let chosen = Chosen { device, options, cache, limit, notes, choices, progress, stop, falls_back };
-        Tracer::open(&lit, depth, chosen)
+        let team = Team::new(devices, Opening { options, cache, stop, falls_back }, notes);
+        Tracer::open(&lit, depth, team, Chosen { limit, choices, progress })
     }
 
     /// The method that was asked for, with what is left to be chosen.
@@ -213,16 +219,23 @@ impl<'a> TracerBuilder<'a> {
         Ok(request)
     }
 
-    /// `None`: the reference.
-    fn open_device(&self, notes: &mut Vec<String>) -> Result<Option<DeviceHandle>> {
-        let (selection, passed_over) = select_working(self.device.as_deref())?;
-        notes.extend(passed_over);
-        Ok(match selection {
+    /// One or more; `None` is the reference.
+    fn select_devices(&self, notes: &mut Vec<String>) -> Result<Vec<Option<DeviceHandle>>> {
+        let selected = match self.device.as_deref() {
+            Some(spec) => select_several(spec)?,
+            None => {
+                let (selection, passed_over) = select_working(None)?;
+                notes.extend(passed_over);
+                vec![selection]
+            }
+        };
+        let device = |selection| match selection {
             Selection::OpenCl(device) => Some(device),
             Selection::Reference { notice } => {
                 notes.extend(notice);
                 None
             }
-        })
+        };
+        Ok(selected.into_iter().map(device).collect())
     }
 }

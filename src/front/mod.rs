@@ -13,6 +13,8 @@ mod picture;
 mod point;
 mod ray;
 mod scene;
+mod team;
+mod together;
 mod tracer;
 mod view;
 

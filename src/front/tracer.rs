@@ -7,83 +7,52 @@ use super::picture::Picture;
 use super::point::ClosestPoint;
 use super::ray::{Hit, Hits, Ray};
 use super::scene::check_indices;
+use super::team::Team;
 use super::view::{Frame, View};
 use crate::accel::KeptBvh;
 use crate::budget::{CHECKED_FROM_BYTES, DecidedBy, MemoryBudget, Need};
 use crate::closest::{self, Closest, closest_points, point_scene, take_signs};
 use crate::crossings::{check_closed, contains, is_tie, require_exact, trace_crossings};
-use crate::device::{Cache, DeviceHandle, DeviceKind};
+use crate::device::DeviceKind;
 use crate::error::{Error, Result};
 use crate::layers::{layers_bytes, trace_layers};
-use crate::options::{Intersector, TraceOptions};
+use crate::options::Intersector;
 use crate::pack::{PointScene, SceneBuffers};
 use crate::parallel;
-use crate::reference::extreme::TracingBatch;
-use crate::renderer::{self, Crop, FallBack, build_and_open_within, open_tracer, picture_bytes, picture_bytes_by_rows};
+use crate::renderer::{self, Crop, PictureBlocks, picture_bytes, picture_bytes_by_rows};
+use crate::runs::Asked;
 use crate::scene::{
     Camera, DefaultLight, Framed, Framing, Numbering, PictureDefaults, Placed, Samples, Scene, WideCamera,
 };
+use crate::several::{Devices, Watcher};
 use crate::shared;
-use crate::tracer::{self, AllHitsJob, Backend, LostDevice, Progress, is_hit};
+use crate::tracer::{self, AllHitsJob, Backend, Progress, is_hit};
 use crate::winding::WindingTree;
 use glam::Vec3;
 use std::fmt;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
-/// What a builder has chosen.
+/// What a builder has chosen, but for the devices.
 pub(super) struct Chosen {
-    /// `None`: the reference.
-    pub device: Option<DeviceHandle>,
-    pub options: TraceOptions,
-    pub cache: Option<Cache>,
     /// `None`: what is left when it is needed.
     pub limit: Option<MemoryBudget>,
-    pub notes: Vec<String>,
     pub choices: Vec<String>,
     pub progress: Option<Box<dyn Fn(f64) + Send + Sync>>,
-    pub stop: Option<Arc<AtomicBool>>,
-    /// Whether the reference takes the place of a device that is lost.
-    pub falls_back: bool,
 }
 
 impl Chosen {
-    fn budget(&self) -> MemoryBudget {
+    pub(super) fn budget(&self) -> MemoryBudget {
         self.limit.unwrap_or_else(MemoryBudget::available)
     }
 
-    /// Refuses to go on where the flag stops calls.
-    fn check_stop(&self) -> Result<()> {
-        let is_stopped = self.stop.as_ref().is_some_and(|stop| stop.load(Ordering::Relaxed));
-        if is_stopped { Err(Error::Stopped) } else { Ok(()) }
+    /// What is told of the progress.
+    fn progress(&self) -> Progress<'_> {
+        match &self.progress {
+            Some(progress) => &**progress,
+            None => &|_| (),
+        }
     }
-
-    /// `backend` of `buffers`, which the flag stops, and whose place the reference may take.
-    fn equipped(&self, backend: Box<dyn Backend>, buffers: &Arc<SceneBuffers>) -> Box<dyn Backend> {
-        let mut backend: Box<dyn Backend> = match self.falls_back && self.device.is_some() {
-            true => Box::new(FallBack::new(backend, buffers, Box::new(|_| ()))),
-            false => backend,
-        };
-        self.stop.iter().for_each(|stop| backend.stop_when(stop.clone()));
-        backend
-    }
-
-    /// Takes note of a device that is lost: it is not opened again.
-    fn lose(&mut self, lost: &LostDevice) {
-        self.device = None;
-        self.notes.push(note_of(lost));
-    }
-
-    /// Opens a tracer of `buffers`.
-    fn open(&self, buffers: &Arc<SceneBuffers>, depth: u32) -> Result<Box<dyn Backend>> {
-        let backend = open_tracer(self.device.as_ref(), buffers, &self.options, depth, self.cache.as_ref())?;
-        Ok(self.equipped(backend, buffers))
-    }
-}
-
-fn note_of(lost: &LostDevice) -> String {
-    format!("the reference traces in place of '{}', which failed: {}", lost.device, lost.error)
 }
 
 /// A scene on a device, ready for rays and pictures.
@@ -104,12 +73,13 @@ fn note_of(lost: &LostDevice) -> String {
 /// # Ok::<(), raybrook::Error>(())
 /// ```
 pub struct Tracer {
-    chosen: Chosen,
+    pub(super) chosen: Chosen,
     pub(super) buffers: Arc<SceneBuffers>,
-    /// Gone while it is opened anew.
-    backend: Option<Box<dyn Backend>>,
-    /// The longest chain of rays that the backend was opened for.
-    depth: u32,
+    pub(super) team: Team,
+    /// The names of its devices.
+    name: String,
+    /// The longest chain of rays that the devices were opened for.
+    pub(super) depth: u32,
     /// What the scene says of its picture.
     pub(super) defaults: PictureDefaults,
     camera: Option<Camera>,
@@ -137,6 +107,14 @@ pub struct Tracer {
 const RAY_BYTES: usize =
     3 * (size_of::<shared::TraceRay>() + size_of::<shared::Hit>()) + size_of::<Ray>() + size_of::<Option<Hit>>();
 
+/// The same of a ray that is traced with few others at a time: its hit, and as the caller has both.
+const KEPT_RAY_BYTES: usize = size_of::<shared::Hit>() + size_of::<Ray>() + size_of::<Option<Hit>>();
+
+/// Origin, direction, `t_min` and `t_max` of a ray.
+fn world_ray(Ray { origin, direction, t_min, t_max }: Ray) -> (Vec3, Vec3, f32, f32) {
+    (origin.into(), direction.into(), t_min, t_max)
+}
+
 /// Winding numbers that are computed at a time, between which a call may be stopped: a number among 96,000 triangles
 /// takes a tenth of a millisecond, so these take a part of a second on two cores.
 const WINDING_POINTS: usize = 1 << 11;
@@ -158,13 +136,13 @@ impl Tracer {
         TracerBuilder::new(scene)
     }
 
-    pub(super) fn open(lit: &LitScene, depth: u32, chosen: Chosen) -> Result<Tracer> {
+    pub(super) fn open(lit: &LitScene, depth: u32, mut team: Team, chosen: Chosen) -> Result<Tracer> {
         let LitScene { scene, framed, up, added } = lit;
-        let (device, cache, budget) = (chosen.device.as_ref(), chosen.cache.as_ref(), chosen.budget());
-        let (buffers, backend) = build_and_open_within(device, scene, &chosen.options, depth, cache, &[], &budget)?;
+        let buffers = team.build(scene, depth, &chosen.budget())?;
         let numbering = Arc::new(Numbering::of(scene, &buffers.used_materials));
         Ok(Tracer {
-            backend: Some(chosen.equipped(backend, &buffers)),
+            name: team.name(),
+            team,
             buffers,
             depth,
             defaults: scene.picture,
@@ -211,11 +189,12 @@ impl Tracer {
         scene.check_values()?;
         let Frame { size, samples, .. } = View::default().over(&scene.picture)?;
         let lit = LitScene::new(scene, samples.aspect(size) as f32);
-        let (options, budget) = (&self.chosen.options, self.chosen.budget());
+        let (options, budget) = (&self.team.opening().options, self.chosen.budget());
         let buffers = Arc::new(SceneBuffers::after(&mut self.kept, &lit.scene, options, &budget)?);
         // A device may have no room for both; then what was there is opened again when it is needed.
-        self.close();
-        self.backend = Some(self.chosen.open(&buffers, self.depth)?);
+        self.team.close();
+        self.team.open(&buffers, self.depth)?;
+        self.name = self.team.name();
         (self.buffers, self.is_closed) = (buffers, false);
         (self.points, self.winding) = (None, None);
         (self.defaults, self.camera, self.up) = (scene.picture, scene.camera, lit.up);
@@ -317,7 +296,7 @@ impl Tracer {
     /// # Panics
     /// Where `all` has more rays than `rays`.
     pub fn ties(&self, rays: &[Ray], all: &AllHits) -> Vec<bool> {
-        let (buffers, is_exact) = (&self.buffers, self.chosen.options.intersector == Intersector::Exact);
+        let (buffers, is_exact) = (&self.buffers, self.team.opening().options.intersector == Intersector::Exact);
         let of_ray = |i: usize| {
             let (ray, hits) = (rays[i], all.of_ray(i));
             let is_tied = move |k: usize| {
@@ -339,10 +318,7 @@ impl Tracer {
     /// As [`Tracer::all_hits`]; [`Error::Option`] when the method is not exact.
     pub fn count_crossings(&mut self, rays: &[Ray]) -> Result<Vec<u32>> {
         let (buffers, budget) = (self.buffers.clone(), self.chosen.limit);
-        let ray = |i: usize| {
-            let Ray { origin, direction, t_min, t_max } = rays[i];
-            (Vec3::from(origin), Vec3::from(direction), t_min, t_max)
-        };
+        let ray = |i: usize| world_ray(rays[i]);
         self.timed(self.depth, |backend, progress| {
             trace_crossings(backend, &buffers, rays.len(), ray, budget, progress)
         })
@@ -363,7 +339,7 @@ impl Tracer {
     }
 
     fn require_closed(&mut self) -> Result<()> {
-        require_exact(self.chosen.options.intersector)?;
+        require_exact(self.team.opening().options.intersector)?;
         if !self.is_closed {
             check_closed(&self.buffers)?;
             self.is_closed = true;
@@ -455,10 +431,8 @@ impl Tracer {
         let tree = self.winding.insert(known);
         let mut numbers = Vec::with_capacity(points.len());
         for part in points.chunks(WINDING_POINTS) {
-            self.chosen.check_stop()?;
-            if let Some(progress) = &self.chosen.progress {
-                progress(numbers.len() as f64 / points.len() as f64);
-            }
+            self.team.opening().check_stop()?;
+            self.chosen.progress()(numbers.len() as f64 / points.len() as f64);
             numbers.extend(tree.winding_numbers(part));
         }
         Ok(numbers)
@@ -488,29 +462,36 @@ impl Tracer {
     }
 
     fn trace_all(&mut self, rays: &[Ray], most: u32, wants_hits: bool) -> Result<tracer::AllHits> {
-        let batch = self.batch(rays.len(), |i| rays[i])?;
-        let budget = self.chosen.limit;
+        let ray = |i| world_ray(rays[i]);
+        self.check_batch(rays.len())?;
+        if self.goes_in_runs(rays.len()) {
+            return self.all_hits_in_runs(rays.len(), &ray, if wants_hits { Asked::All(most) } else { Asked::Count });
+        }
+        let (batch, budget) = (self.buffers.batch(rays.len(), ray, None), self.chosen.limit);
         let job = AllHitsJob { most, wants_hits, budget, ..AllHitsJob::of(&batch.job(false, 1)) };
         self.timed(self.depth, |backend, progress| backend.trace_all(&job, progress))
     }
 
     fn trace(&mut self, count: usize, ray: impl Fn(usize) -> Ray + Sync, any_hit: bool) -> Result<Vec<shared::Hit>> {
-        let batch = self.batch(count, ray)?;
+        let ray = |i| world_ray(ray(i));
+        self.check_batch(count)?;
+        if self.goes_in_runs(count) {
+            return self.hits_in_runs(count, &ray, if any_hit { Asked::Any } else { Asked::Closest });
+        }
+        let batch = self.buffers.batch(count, ray, None);
         let job = batch.job(any_hit, 1);
         Ok(self.timed(self.depth, |backend, progress| backend.trace(&job, progress))?.hits)
     }
 
-    /// The rays as tracers take them.
-    fn batch(&self, count: usize, ray: impl Fn(usize) -> Ray + Sync) -> Result<TracingBatch> {
-        let bytes = (count * RAY_BYTES) as u64;
+    /// Checks that there is memory for so many rays.
+    fn check_batch(&self, count: usize) -> Result<()> {
+        let bytes = match self.goes_in_runs(count) {
+            true => count * KEPT_RAY_BYTES + self.team.len() * self.run_length() * RAY_BYTES,
+            false => count * RAY_BYTES,
+        } as u64;
         let what = format!("a batch of {count} rays");
         let remedy = "split the batch, or raise the memory limit";
-        self.check_bytes(&Need { what: &what, bytes, decided_by: DecidedBy::Input, remedy })?;
-        let ray = |i: usize| {
-            let Ray { origin, direction, t_min, t_max } = ray(i);
-            (Vec3::from(origin), Vec3::from(direction), t_min, t_max)
-        };
-        Ok(self.buffers.batch(count, ray, None))
+        self.check_bytes(&Need { what: &what, bytes, decided_by: DecidedBy::Input, remedy })
     }
 
     /// Renders what `view` asks for: Whitted shading with shadows, mirrors, glass and textures (Whitted, "An Improved
@@ -532,14 +513,24 @@ impl Tracer {
         self.check_picture(crop.map_or(size, |crop| crop.rendered_size(size, samples)), samples, layers_bytes)?;
         let (buffers, numbering) = (self.buffers.clone(), self.numbering.clone());
         let picture = renderer::Picture { camera, size, samples, depth, kill_weight: None };
-        let rendered = |backend: &mut dyn Backend, progress: Progress| {
-            let notes_sampling = layers.iter().any(|layer| !layer.is_of_hit());
-            let result = renderer::render_part_noting(backend, &buffers, &picture, crop, notes_sampling, progress)?;
+        // How pixels were sampled is known to one that does all of them.
+        let notes_sampling = layers.iter().any(|layer| !layer.is_of_hit());
+        let mut shared = match self.team.is_several() && !notes_sampling {
+            true => {
+                crop.map_or(Ok(()), |crop| crop.check(size))?;
+                Some(self.film_together(&picture, &PictureBlocks::new(size, samples, crop))?)
+            }
+            false => None,
+        };
+        self.timed(depth, |backend, progress| {
+            let result = match shared.take() {
+                Some(result) => result,
+                None => renderer::render_part_noting(backend, &buffers, &picture, crop, notes_sampling, progress)?,
+            };
             let (of, sampling) = ((&*buffers, &*numbering), result.sampling.as_ref());
             let layers = trace_layers(backend, of, &picture, crop, &layers, sampling, &|_| progress(1.0))?;
             Ok(Picture::new(result, layers))
-        };
-        self.timed(depth, rendered)
+        })
     }
 
     /// The camera of a picture; light that was added is put where it belongs.
@@ -576,7 +567,7 @@ impl Tracer {
     fn place_light(&mut self, light: DefaultLight, placed: &Placed) -> Result<()> {
         let relit = self.buffers.relit(&placed.lamp(light), placed.sky(light))?;
         if !relit.is_of(&self.buffers) {
-            self.close();
+            self.team.close();
             self.points = None; // they share the arrays
             relit.replace(Arc::make_mut(&mut self.buffers));
         }
@@ -585,8 +576,7 @@ impl Tracer {
 
     fn check_picture(&self, size: (u32, u32), samples: Samples, layers_bytes: u64) -> Result<()> {
         let what = format!("a picture of {}x{} pixels", size.0, size.1);
-        let bytes =
-            picture_bytes(size, samples, &self.chosen.options, self.chosen.device.as_ref(), None) + layers_bytes;
+        let bytes = picture_bytes(size, samples, &self.team.opening().options, self.team.device(), None) + layers_bytes;
         let remedy = "ask for a smaller one, or raise the memory limit";
         self.chosen.budget().check(&Need { what: &what, bytes, decided_by: DecidedBy::Picture, remedy })
     }
@@ -599,63 +589,63 @@ impl Tracer {
         kept: u64,
     ) -> Result<()> {
         let what = format!("blocks of a picture of {}x{} pixels", size.0, size.1);
-        let device = self.chosen.device.as_ref();
-        let bytes = picture_bytes_by_rows((size, crop), samples, &self.chosen.options, (device, 1), None) + kept;
+        let (options, devices) = (&self.team.opening().options, (self.team.device(), self.team.len()));
+        let bytes = picture_bytes_by_rows((size, crop), samples, options, devices, None) + kept;
         let remedy = "ask for fewer blocks at a time, or raise the memory limit";
         self.chosen.budget().check(&Need { what: &what, bytes, decided_by: DecidedBy::Picture, remedy })
     }
 
-    /// Has the backend trace, and takes note of how long that took.
+    /// Has one device trace, and takes note of how long that took.
     pub(super) fn timed<T>(
         &mut self,
         depth: u32,
-        trace: impl FnOnce(&mut dyn Backend, Progress) -> Result<T>,
+        mut trace: impl FnMut(&mut dyn Backend, Progress) -> Result<T>,
     ) -> Result<T> {
-        let (backend, progress) = self.backend(depth)?;
+        self.timed_as(depth, |team, of, progress| team.alone(of.0, |tracer| trace(tracer, progress)))
+    }
+
+    /// The same of all devices.
+    pub(super) fn timed_together<T>(
+        &mut self,
+        depth: u32,
+        trace: impl FnOnce(Devices, &dyn Watcher) -> Result<T>,
+    ) -> Result<T> {
+        self.timed_as(depth, |team, of, progress| team.share(of, progress, trace))
+    }
+
+    fn timed_as<T>(
+        &mut self,
+        depth: u32,
+        trace: impl FnOnce(&mut Team, (&Arc<SceneBuffers>, u32), Progress) -> Result<T>,
+    ) -> Result<T> {
+        if depth > self.depth {
+            self.team.close();
+            self.depth = depth;
+        }
+        if self.team.is_closed() {
+            self.team.open(&self.buffers, self.depth)?;
+        }
         let start = Instant::now();
-        let traced = trace(backend, progress);
+        let traced = trace(&mut self.team, (&self.buffers, self.depth), self.chosen.progress());
         let seconds = start.elapsed().as_secs_f64();
         self.kept.iter_mut().for_each(|kept| kept.add_traced(seconds));
+        self.name = self.team.name();
         traced
     }
 
-    /// Lets go of what traces.
-    fn close(&mut self) {
-        if let Some(lost) = self.backend.take().and_then(|backend| backend.lost().cloned()) {
-            self.chosen.lose(&lost);
-        }
-    }
-
-    /// What traces chains of up to `depth` rays, opened anew if need be; and what is told of its progress.
-    fn backend(&mut self, depth: u32) -> Result<(&mut dyn Backend, Progress<'_>)> {
-        if depth > self.depth {
-            self.close();
-            self.depth = depth;
-        }
-        let backend = match self.backend.take() {
-            Some(backend) => backend,
-            None => self.chosen.open(&self.buffers, self.depth)?,
-        };
-        let progress: Progress = match &self.chosen.progress {
-            Some(progress) => &**progress,
-            None => &|_| (),
-        };
-        Ok((self.backend.insert(backend).as_mut(), progress))
-    }
-
-    /// What kind of device it traces on; `None`: the reference.
+    /// What kind of device it traces on, the first of several; `None`: the reference.
     pub fn device_kind(&self) -> Option<DeviceKind> {
-        let is_lost = self.backend.as_ref().is_some_and(|backend| backend.lost().is_some());
-        self.chosen.device.as_ref().filter(|_| !is_lost).map(|device| device.info.kind)
+        self.team.device().map(|device| device.info.kind)
     }
 
-    /// The device's name; `reference` for the scalar reference.
+    /// How many devices share its work.
+    pub fn device_count(&self) -> usize {
+        self.team.len()
+    }
+
+    /// The device's name; `reference` for the scalar reference. Of several the names with `+` between them.
     pub fn device_name(&self) -> &str {
-        match (&self.backend, &self.chosen.device) {
-            (Some(backend), _) => backend.device_name(),
-            (None, Some(device)) => &device.info.name,
-            (None, None) => "reference",
-        }
+        &self.name
     }
 
     /// What was chosen and why, a line each: structure, packet size, triangle test, numbers of the build, features of
@@ -668,9 +658,7 @@ impl Tracer {
     /// cache cannot be used, that a device was lost. What a scene's file has that is not usable is in
     /// [`Scene::warnings`] instead.
     pub fn notes(&self) -> Vec<String> {
-        let of_backend = self.backend.iter().flat_map(|backend| backend.notes());
-        let lost = self.backend.iter().filter_map(|backend| backend.lost()).map(note_of);
-        self.chosen.notes.iter().chain(of_backend).cloned().chain(lost).collect()
+        self.team.notes()
     }
 }
 

@@ -97,6 +97,19 @@ impl SceneBuffers {
         ray: impl Fn(usize) -> (Vec3, Vec3, f32, f32) + Sync,
         next: Option<&(dyn Fn(usize) -> Vec3 + Sync)>,
     ) -> TracingBatch {
+        let mut batch = TracingBatch::default();
+        self.batch_into(&mut batch, count, ray, next);
+        batch
+    }
+
+    /// The same in the memory of another batch, whose rays are no longer needed.
+    pub(crate) fn batch_into(
+        &self,
+        batch: &mut TracingBatch,
+        count: usize,
+        ray: impl Fn(usize) -> (Vec3, Vec3, f32, f32) + Sync,
+        next: Option<&(dyn Fn(usize) -> Vec3 + Sync)>,
+    ) {
         let scale = self.params.scale;
         let extreme_of = |index: usize, (origin, direction, ..): (Vec3, Vec3, f32, f32)| {
             let is_ray = origin.is_finite() && direction.is_finite();
@@ -113,18 +126,19 @@ impl SceneBuffers {
             }
             self.trace_ray(origin, direction, t_min, t_max)
         };
-        let mut rays = parallel::map_numbers(count, made);
+        let rays = &mut batch.rays;
+        rays.clear();
+        parallel::extend(rays, count, made);
         // Few, if any, so that they are looked for again, and nothing is kept of the others.
-        let extreme: Vec<ExtremeRay> = match has_extreme.into_inner() {
+        batch.extreme = match has_extreme.into_inner() {
             true => parallel::flat_map_numbers(count, |i| extreme_of(i, ray(i))),
             false => Vec::new(),
         };
-        for ExtremeRay { index, .. } in extreme.iter().filter(|ray| !ray.is_second) {
+        for ExtremeRay { index, .. } in batch.extreme.iter().filter(|ray| !ray.is_second) {
             let t_min = rays[*index].origin_t_min.w;
             rays[*index].origin_t_min = Float4::new(Vec3::NAN, t_min);
         }
-        let next_directions = next.map(|next| parallel::map_numbers(count, |i| Float4::new(next(i), 0.0)));
-        TracingBatch { rays, next_directions, extreme }
+        batch.next_directions = next.map(|next| parallel::map_numbers(count, |i| Float4::new(next(i), 0.0)));
     }
 }
 

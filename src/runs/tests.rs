@@ -69,7 +69,7 @@ impl Bench {
     fn trace_at(&self, pace: &mut Pace, asked: Asked, wanted: (Runs, &[usize])) -> Vec<TracedRuns> {
         let mut tracer = ReferenceBackend::new(self.buffers.clone(), TraceOptions::DEFAULT);
         let (rays, mut traced) = (self.rays(), Vec::new());
-        let job = BatchJob { given: &self.given, rays: &rays, asked, budget: MemoryBudget::UNLIMITED };
+        let job = BatchJob { given: &self.given, rays: RunRays::Made(&rays), asked, budget: MemoryBudget::UNLIMITED };
         let mut done = |now| {
             traced.push(now);
             Ok(())
@@ -134,7 +134,7 @@ fn many_runs_are_traced_together_where_that_changes_nothing() {
     assert!(bench.trace(Asked::Closest, bench.runs(), &all).len() < 11);
     let rays = bench.rays();
     for asked in ALL {
-        let job = BatchJob { given: &bench.given, rays: &rays, asked, budget: MemoryBudget::UNLIMITED };
+        let job = BatchJob { given: &bench.given, rays: RunRays::Made(&rays), asked, budget: MemoryBudget::UNLIMITED };
         assert!(job.go_together(&TraceOptions::DEFAULT));
         assert_eq!(job.go_together(&packets), asked != Asked::Any);
     }

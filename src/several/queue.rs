@@ -181,7 +181,7 @@ impl Queue {
         }
         state.was_lost |= state.was_ready && error.is_lost_device();
         let ended = match state.takeover(&error) {
-            Some(takeover) => watcher.lost(name, error, takeover),
+            Some(takeover) => watcher.lost((worker, name), error, takeover),
             None => Err(error),
         };
         if let Err(error) = ended {
@@ -322,7 +322,7 @@ mod tests {
 
     impl Watcher for Nobody {
         fn progress(&self, _: f64) {}
-        fn lost(&self, _: &str, _: Error, _: Takeover) -> Result<()> {
+        fn lost(&self, _: (usize, &str), _: Error, _: Takeover) -> Result<()> {
             Ok(())
         }
     }

@@ -11,9 +11,9 @@ use raybrook::low_level::renderer::{self, complete_as, open_tracer};
 use raybrook::low_level::scene::{Aim, Samples};
 use raybrook::low_level::tracer::is_hit;
 use raybrook::scene::Transform;
-use raybrook::{Builder, Camera, Error, Hit, Light, Material, Precision, Ray, Scene, Tracer, View, Viewpoint};
+use raybrook::{Builder, Camera, Error, Hit, Layer, Light, Material, Precision, Ray, Scene, Tracer, View, Viewpoint};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 /// Names of the reference and of the device, if there is one.
 fn devices() -> Vec<String> {
@@ -89,6 +89,101 @@ fn hits_are_those_of_a_batch_below() {
             assert_eq!(tracer.closest_hits(&[]).unwrap(), []);
         }
     }
+}
+
+/// The device, if there is one, and the reference; or the reference by itself, which is no sharing.
+fn several() -> String {
+    device().map_or("reference".to_owned(), |device| format!("{},reference", device.info.index))
+}
+
+#[test]
+fn several_devices_share_a_batch_with_the_answers_of_one() {
+    let mut random = Random::new(SEED);
+    let triangles = [soup(300, 0.2, &mut random), sheet(12)].concat();
+    let positions: Vec<[f32; 3]> = triangles.iter().flatten().map(|p| p.to_array()).collect();
+    let numbers: Vec<[u32; 3]> = (0..triangles.len() as u32).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+    let scene = Scene::from_mesh(&positions, &numbers).unwrap();
+    let some = rays(&mut random);
+    // Two runs of a processor: some rays at both ends and at the border, between them such as miss.
+    let run = 1 << 18;
+    let mut all = vec![Ray::new([0.0, 0.0, 50.0], [0.0, 0.0, 1.0]); run + 2 * some.len()];
+    let places = [0, run - some.len() / 2, all.len() - some.len()].map(|at| at..at + some.len());
+    places.iter().for_each(|place| all[place.clone()].copy_from_slice(&some));
+    let device = several();
+    let mut tracer = tracer_on(&device, &scene);
+    assert_eq!(tracer.device_count(), device.split(',').count());
+    assert!(tracer.device_name().ends_with("reference"), "{}", tracer.device_name());
+    let mut one = tracer_on("reference", &scene);
+    let closest = low_level_hits(&scene, &some);
+    let of_rays = closest.iter().flatten().count();
+    let found = tracer.closest_hits(&all).unwrap();
+    assert!(of_rays > 100 && found.iter().flatten().count() == 3 * of_rays);
+    let (counts, listed) = (one.count_hits(&some).unwrap(), one.first_hits(&some, 2).unwrap());
+    let (all_counts, all_listed) = (tracer.count_hits(&all).unwrap(), tracer.first_hits(&all, 2).unwrap());
+    assert_eq!(all_counts.iter().sum::<u32>(), 3 * counts.iter().sum::<u32>());
+    assert_eq!(all_listed.hits().len(), 3 * listed.hits().len());
+    for place in places {
+        assert_eq!(bits(&found[place.clone()]), bits(&closest));
+        assert_eq!(all_counts[place.clone()], counts);
+        (0..some.len()).for_each(|i| assert_eq!(all_listed.of_ray(place.start + i), listed.of_ray(i)));
+    }
+    assert_eq!(tracer.notes(), [""; 0]);
+}
+
+#[test]
+fn several_devices_share_pictures_with_the_pixels_of_one() {
+    let scene = balls();
+    let mut tracer = tracer_on(&several(), &scene);
+    let mut one = tracer_on("reference", &scene);
+    // Bands, areas of a picture by its error, parts of both, layers, and how pixels were sampled.
+    let wide = || View::new(2100, 90);
+    let views = [
+        wide().samples(2).depth(3),
+        wide().error(2.0).depth(1),
+        wide().samples(1).crop(1000, 11, 300, 60),
+        wide().error(2.0).crop(1000, 11, 300, 60),
+        View::new(64, 48).samples(1).layers(&[Layer::Depth]),
+        View::new(64, 48).error(2.0).layers(&[Layer::Samples]),
+    ];
+    for view in &views {
+        let (found, expected) = (tracer.render(view).unwrap(), one.render(view).unwrap());
+        assert!(found.pixels() == expected.pixels() && found.layers() == expected.layers(), "{view:?}");
+        assert!(found.camera_rays() > 0, "{view:?}");
+    }
+    assert!(tracer.render(&wide().crop(2000, 0, 200, 9)).is_err());
+    let blocks = views[0].blocks(&scene).unwrap().numbers();
+    let some: Vec<usize> = blocks.iter().rev().copied().collect();
+    let (found, expected) = (tracer.render_blocks(&views[0], &some), one.render_blocks(&views[0], &some));
+    assert!(found.unwrap() == expected.unwrap());
+}
+
+#[test]
+fn what_stops_the_work_of_several_devices_leaves_them_as_they_were() {
+    let scene = balls();
+    let (stop, told) = (Arc::new(AtomicBool::new(false)), Arc::new(AtomicUsize::new(0)));
+    let tell = {
+        let (stop, told) = (stop.clone(), told.clone());
+        move |done: f64| {
+            assert!((0.0..=1.0).contains(&done));
+            if told.fetch_add(1, Ordering::Relaxed) == 0 {
+                stop.store(true, Ordering::Relaxed);
+            }
+        }
+    };
+    let mut tracer = Tracer::builder(&scene).device(&several()).stop(stop.clone()).progress(tell).build().unwrap();
+    let view = View::new(1100, 900).samples(1).depth(2);
+    assert!(matches!(tracer.render(&view), Err(Error::Stopped)));
+    stop.store(false, Ordering::Relaxed);
+    let again = tracer.render(&view).unwrap();
+    assert!(told.load(Ordering::Relaxed) > 1 && tracer.device_count() == several().split(',').count());
+    assert!(again.pixels() == tracer_on("reference", &scene).render(&view).unwrap().pixels());
+}
+
+#[test]
+fn a_device_is_named_once() {
+    let refused = Tracer::builder(&balls()).device("reference,reference").build().unwrap_err().to_string();
+    assert!(refused.contains("'reference' is a device that was named before"), "{refused}");
+    assert!(Tracer::builder(&balls()).device("reference,toaster").build().unwrap_err().to_string().contains("toaster"));
 }
 
 #[test]

@@ -9,7 +9,7 @@ use raybrook::low_level::renderer::{
     FallBack, Picture, PictureBlocks, open_tracer, render, render_blocks, render_by_several,
 };
 use raybrook::low_level::scene::{Samples, Scene};
-use raybrook::low_level::several::{DeviceTracer, Devices, Takeover, Watcher};
+use raybrook::low_level::several::{DeviceTracer, Devices, OpenTracer, Takeover, Watcher};
 use raybrook::low_level::shared::{CameraSample, Light, RenderParams};
 use raybrook::low_level::tracer::{
     AllHits, AllHitsJob, Backend, Candidates, CandidatesJob, Finished, LostDevice, Progress, RenderResult, Spent,
@@ -104,7 +104,7 @@ impl Watcher for Collected<'_> {
         assert!((0.0..=1.0).contains(&done));
     }
 
-    fn lost(&self, name: &str, error: Error, takeover: Takeover) -> Result<()> {
+    fn lost(&self, (_, name): (usize, &str), error: Error, takeover: Takeover) -> Result<()> {
         self.lost.lock().unwrap().push((takeover, format!("{name}: {error}")));
         Ok(())
     }
@@ -115,11 +115,16 @@ fn picture(scene: &Scene, samples: Samples) -> Picture {
     Picture { camera: scene.camera.unwrap(), size: (3100, 180), samples, depth: 2, kill_weight: Some(0.0) }
 }
 
+fn poor(buffers: &Arc<SceneBuffers>, lives: Option<usize>, delay: u64) -> Box<Poor> {
+    let inner = open_tracer(None, buffers, &TraceOptions::DEFAULT, 2, None).unwrap();
+    Box::new(Poor { inner, lives, delay: Duration::from_millis(delay) })
+}
+
 fn tracer<'a>(buffers: &Arc<SceneBuffers>, lives: Option<usize>, delay: u64) -> DeviceTracer<'a> {
     let buffers = buffers.clone();
-    let open = move || -> Result<(Arc<SceneBuffers>, Box<dyn Backend>)> {
-        let inner = open_tracer(None, &buffers, &TraceOptions::DEFAULT, 2, None)?;
-        Ok((buffers, Box::new(Poor { inner, lives, delay: Duration::from_millis(delay) })))
+    let open = move || {
+        let tracer = OpenTracer::Own(poor(&buffers, lives, delay));
+        Ok((buffers, tracer))
     };
     DeviceTracer { name: format!("{lives:?} {delay}"), is_processor: true, open: Box::new(open) }
 }
@@ -190,13 +195,12 @@ fn the_reference_takes_the_place_of_a_lost_device() {
         one.set_lights(&lights).unwrap();
         let whole = render(one.as_mut(), &buffers, &picture, &|_| ()).unwrap();
         for lives in [0, 1] {
-            let (_, poor) = (tracer(&buffers, Some(lives), 0).open)().unwrap();
             let told = Arc::new(Mutex::new(Vec::new()));
             let on_loss = {
                 let told = told.clone();
                 Box::new(move |lost: &LostDevice| told.lock().unwrap().push(lost.clone()))
             };
-            let mut guarded = FallBack::new(poor, &buffers, on_loss);
+            let mut guarded = FallBack::new(poor(&buffers, Some(lives), 0), &buffers, on_loss);
             guarded.set_lights(&lights).unwrap();
             let blocks = PictureBlocks::new(picture.size, samples, None);
             let wanted = (&blocks.numbers()[..], Some(blocks.empty_film()));
@@ -210,8 +214,7 @@ fn the_reference_takes_the_place_of_a_lost_device() {
         }
     }
     // What is no loss remains an error.
-    let (_, poor) = (tracer(&buffers, Some(0), 0).open)().unwrap();
-    let mut guarded = FallBack::new(poor, &buffers, Box::new(|_| panic!("nothing is lost")));
+    let mut guarded = FallBack::new(poor(&buffers, Some(0), 0), &buffers, Box::new(|_| panic!("nothing is lost")));
     let error = guarded.set_lights(&[]).unwrap_err();
     assert!(error.exit_code() == 2 && guarded.lost().is_none(), "{error}");
 }

@@ -54,3 +54,67 @@ def test_the_reference_goes_on_if_that_is_wanted(library, falls_back):
     )
     begins = "the reference traces in place of" if falls_back else "DeviceError:"
     assert asked.stdout.startswith(begins) and "clEnqueueReadBuffer" in asked.stdout, asked
+
+
+SHARE = """
+import sys, warnings
+import numpy as np
+import raybrook
+
+rays = np.zeros((2_200_000, 6), np.float32)
+rays[:] = [0.25, 0.25, 1, 0, 0, -1]
+rays[:, 0] += np.arange(len(rays), dtype=np.float32) / len(rays)
+mesh = [[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]
+try:
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        scene = raybrook.Scene(*mesh, device="all", fall_back=sys.argv[1] == "True")
+        print(scene.device)
+        hits = scene.closest_hits(rays)
+        any_hit = scene.any_hit(rays)
+    print(scene.device, *(warning.message for warning in told), sep="\\n")
+    assert all(warning.category is raybrook.NoteWarning for warning in told), told
+    one = raybrook.Scene(*mesh, device="reference")
+    expected = one.closest_hits(rays)
+    assert hits.t.tobytes() == expected.t.tobytes() and (hits.triangle == expected.triangle).all()
+    assert (any_hit == one.any_hit(rays)).all() and 0 < any_hit.sum() < len(rays)
+except raybrook.DeviceError as error:
+    print("DeviceError:", error)
+"""
+
+OTHERS, REFERENCE = "the other devices trace in place of", "the reference traces in place of"
+
+
+@pytest.mark.parametrize(
+    ("fault", "falls_back", "told"),
+    [
+        ("", False, []),
+        ("only:clEnqueueReadBuffer:-36", False, [OTHERS]),
+        ("from:clEnqueueReadBuffer:-36", True, [OTHERS, REFERENCE]),
+        ("from:clEnqueueReadBuffer:-36", False, ["DeviceError:"]),
+    ],
+)
+def test_devices_share_the_work_and_go_on_without_those_that_are_lost(library, fault, falls_back, told):
+    if not has_device():
+        pytest.skip("there is no OpenCL device")
+    # PoCL has two kinds of devices for the same processor.
+    more = {"OPENCL_DYLIB_PATH": str(library), "OPENCL_FAULT": fault, "POCL_DEVICES": "pthread basic"}
+    asked = subprocess.run(
+        [sys.executable, "-c", SHARE, str(falls_back)],
+        env={**os.environ, **more},
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+    assert asked.returncode == 0, asked
+    devices, *said = asked.stdout.splitlines()
+    if " + " not in devices:
+        pytest.skip("there is but one device")
+    if told == ["DeviceError:"]:
+        assert len(said) == 1 and said[0].startswith(told[0]) and "clEnqueueReadBuffer" in said[0], asked
+        return
+    after, *notes = said
+    assert len(after.split(" + ")) == 2 - told.count(OTHERS), asked
+    assert (after == "reference") == (REFERENCE in told) and len(notes) == len(told), asked
+    for note, begins in zip(notes, told, strict=True):
+        assert note.startswith(begins) and "clEnqueueReadBuffer" in note, asked

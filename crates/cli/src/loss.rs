@@ -88,7 +88,7 @@ impl Watcher for Watching {
         self.limit.is_over()
     }
 
-    fn lost(&self, name: &str, error: Error, takeover: Takeover) -> Result<()> {
+    fn lost(&self, (_, name): (usize, &str), error: Error, takeover: Takeover) -> Result<()> {
         if self.loss.strict_device {
             return Err(error);
         }

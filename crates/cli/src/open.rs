@@ -176,16 +176,7 @@ fn check_bytes(size: (u32, u32), bytes: u64, budget: &MemoryBudget) -> Result<()
 
 /// A chosen device; `None` is the reference. Says which devices do not open, where nobody named one.
 pub fn choose(args: &DeviceArgs, talk: Talk) -> Result<Option<DeviceHandle>> {
-    choose_working(args.device.as_deref(), args, talk)
-}
-
-/// The same, whatever device `args` name: the best.
-pub fn choose_best(args: &DeviceArgs, talk: Talk) -> Result<Option<DeviceHandle>> {
-    choose_working(None, args, talk)
-}
-
-fn choose_working(name: Option<&str>, args: &DeviceArgs, talk: Talk) -> Result<Option<DeviceHandle>> {
-    let (selection, notes) = select_working(name)?;
+    let (selection, notes) = select_working(args.device.as_deref())?;
     for note in notes.iter().filter(|_| !talk.quiet) {
         tell!("note: {}", in_flags(note));
     }

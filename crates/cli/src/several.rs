@@ -6,19 +6,15 @@ use super::open::{self, Loaded};
 use super::{DeviceArgs, Talk};
 use raybrook::low_level::budget::MemoryBudget;
 use raybrook::low_level::choose::Chosen;
-use raybrook::low_level::device::{DeviceHandle, DeviceKind, list_devices};
+use raybrook::low_level::device::{DeviceHandle, DeviceKind, select_several};
 use raybrook::low_level::options::TraceOptions;
 use raybrook::low_level::pack::SceneBuffers;
 use raybrook::low_level::renderer::open_tracer;
-use raybrook::low_level::several::{DeviceTracer, Devices};
+use raybrook::low_level::several::{DeviceTracer, Devices, OpenTracer};
 use raybrook::low_level::stats::RunStats;
 use raybrook::low_level::tracer::{Backend, DeviceShare, LostDevice, Task};
 use raybrook::{Error, Result};
-use std::collections::HashSet;
 use std::sync::Arc;
-
-/// Every device; of processors only where there is nothing else, because they take the cores that a GPU's thread needs.
-const ALL: &str = "all";
 
 /// The devices that are asked for, one or more; `None` is the reference.
 ///
@@ -26,34 +22,7 @@ const ALL: &str = "all";
 /// As [`open::choose`], and [`Error::Option`] when a device is named twice.
 pub fn choose(args: &DeviceArgs, talk: Talk) -> Result<Vec<Option<DeviceHandle>>> {
     let Some(text) = args.device.as_deref() else { return Ok(vec![open::choose(args, talk)?]) };
-    if text == ALL {
-        return choose_all(args, talk);
-    }
-    let names: Vec<&str> = text.split([',', '+']).map(str::trim).collect();
-    if names.len() == 1 {
-        return Ok(vec![open::choose(args, talk)?]);
-    }
-    let list = list_devices()?;
-    // A name of a device may have a comma, too.
-    if let Ok(one) = list.select(Some(text)) {
-        return Ok(vec![open::taken(one, args, talk)?]);
-    }
-    let devices = names.iter().map(|name| open::taken(list.select(Some(name))?, args, talk));
-    let devices = devices.collect::<Result<Vec<_>>>()?;
-    let mut seen = HashSet::new();
-    let twice = devices.iter().zip(&names).find(|(device, _)| !seen.insert(device.as_ref().map(|d| d.info.index)));
-    match twice {
-        Some((_, name)) => Err(Error::option("--device", format!("'{name}' is a device that was named before"))),
-        None => Ok(devices),
-    }
-}
-
-fn choose_all(args: &DeviceArgs, talk: Talk) -> Result<Vec<Option<DeviceHandle>>> {
-    let usable = list_devices()?.devices.into_iter().filter(|device| device.info.unusable.is_none());
-    let (processors, others): (Vec<_>, Vec<_>) = usable.partition(|device| device.info.kind == DeviceKind::Cpu);
-    let chosen = if others.is_empty() { processors } else { others };
-    let devices = chosen.into_iter().map(|device| args.compiler.apply(device).map(Some)).collect::<Result<Vec<_>>>()?;
-    if devices.is_empty() { Ok(vec![open::choose_best(args, talk)?]) } else { Ok(devices) }
+    select_several(text)?.into_iter().map(|selection| open::taken(selection, args, talk)).collect()
 }
 
 /// The structures that several devices share where their choices agree.
@@ -104,7 +73,7 @@ impl<'a> Built<'a> {
                 let buffers = buffers.ok_or_else(|| Error::Scene("a structure is missing".to_owned()))?;
                 let mut tracer = open_tracer(device.as_ref(), &buffers, &options, depth, cache.as_ref())?;
                 tracer.prepare(task)?;
-                Ok((buffers, tracer))
+                Ok((buffers, OpenTracer::Own(tracer)))
             };
             DeviceTracer { name, is_processor, open: Box::new(open) }
         };
@@ -145,7 +114,7 @@ pub fn with_first<T>(
     for device in &mut devices.devices {
         let open = std::mem::replace(&mut device.open, Box::new(|| Err(Error::Stopped)));
         let failed = match open() {
-            Ok((buffers, mut tracer)) => match work(tracer.as_mut(), &buffers) {
+            Ok((buffers, mut tracer)) => match work(tracer.tracer(), &buffers) {
                 Ok(done) => {
                     device.open = Box::new(move || Ok((buffers, tracer)));
                     return Ok(Some(done));
@@ -196,7 +165,7 @@ mod tests {
         let (opened, no_device) = (std::cell::Cell::new(0), || Error::NoDevice("gone".to_owned()));
         let good = |name: &str| {
             let (buffers, name) = (buffers.clone(), name.to_owned());
-            let open = move || Ok((buffers.clone(), open_tracer(None, &buffers, &options, 1, None)?));
+            let open = move || Ok((buffers.clone(), OpenTracer::Own(open_tracer(None, &buffers, &options, 1, None)?)));
             DeviceTracer { name, is_processor: true, open: Box::new(open) }
         };
         let bad =

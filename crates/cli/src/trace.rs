@@ -24,7 +24,7 @@ use raybrook::low_level::output::check_writable;
 use raybrook::low_level::pack::SceneBuffers;
 use raybrook::low_level::rays::RayBatch;
 use raybrook::low_level::renderer::Part;
-use raybrook::low_level::runs::{Answers, Asked, BatchId, BatchJob, Found, Runs, Took, write_answers};
+use raybrook::low_level::runs::{Answers, Asked, BatchId, BatchJob, Found, RunRays, Runs, Took, write_answers};
 use raybrook::low_level::shared::{Hit, TraceRay};
 use raybrook::low_level::stats::{RayCount, RunStats, WorkStats};
 use raybrook::low_level::tracer::{AllHits, AllHitsJob, Backend, Progress, Task, is_hit};
@@ -196,14 +196,19 @@ impl Told {
 }
 
 /// Traces closest hits, or any, and writes them.
-fn trace(args: &TraceArgs, job: &BatchJob, tracer: &mut dyn Backend, progress: Progress) -> Result<Told> {
-    let result = tracer.trace(&job.rays.job(args.any_hit, args.repeat), progress)?;
+fn trace(
+    args: &TraceArgs,
+    (job, rays): (&BatchJob, &TracingBatch),
+    tracer: &mut dyn Backend,
+    progress: Progress,
+) -> Result<Told> {
+    let result = tracer.trace(&rays.job(args.any_hit, args.repeat), progress)?;
     let rays_that_hit = result.hits.iter().filter(|hit| is_hit(hit)).count() as u64;
     if let Some(output) = &args.output {
         let work = [result.work.as_deref(), result.next_work.as_deref()];
         let (hits, next_hits) = (result.hits, result.next_hits.unwrap_or_default());
         let answers = Answers { counts: Vec::new(), hits, next_hits };
-        write_answers(output, &[answers], (job.asked, job.given.next_directions.is_some()), work)?;
+        write_answers(output, &[answers], (job.asked, rays.next_directions.is_some()), work)?;
     }
     Ok(Told {
         rays_that_hit,
@@ -222,12 +227,12 @@ fn trace(args: &TraceArgs, job: &BatchJob, tracer: &mut dyn Backend, progress: P
 /// crossed.
 fn trace_all(
     args: &TraceArgs,
-    (job, most): (&BatchJob, u32),
+    (job, rays, most): (&BatchJob, &TracingBatch, u32),
     (tracer, buffers): (&mut (dyn Backend + 'static), &SceneBuffers),
     progress: Progress,
 ) -> Result<Told> {
     let (budget, wants_hits) = (Some(job.budget), !args.count);
-    let all_hits = AllHitsJob { most, wants_hits, budget, ..AllHitsJob::of(&job.rays.job(false, 1)) };
+    let all_hits = AllHitsJob { most, wants_hits, budget, ..AllHitsJob::of(&rays.job(false, 1)) };
     let mut kernel_s = Vec::new();
     let mut pass = |number: u32| -> Result<AllHits> {
         let progress = |done: f64| progress((f64::from(number) + done) / f64::from(args.repeat));
@@ -239,9 +244,8 @@ fn trace_all(
         pass(number - 1)?;
     }
     let mut found = pass(args.repeat - 1)?;
-    let rays = job.rays.rays.len();
     let told = Told {
-        rays_that_hit: (0..rays).filter(|&ray| found.count(ray) > 0).count() as u64,
+        rays_that_hit: (0..rays.rays.len()).filter(|&ray| found.count(ray) > 0).count() as u64,
         all_hits: found.starts.last().map(|&all| all as u64),
         work: found.work.take().map(|work| [work, Vec::new()]),
         kernel_s,
@@ -332,7 +336,7 @@ impl Work<'_> {
     }
 
     fn job<'j>(&'j self, rays: &'j TracingBatch) -> BatchJob<'j> {
-        BatchJob { given: self.batch, rays, asked: self.asked, budget: self.budget }
+        BatchJob { given: self.batch, rays: RunRays::Made(rays), asked: self.asked, budget: self.budget }
     }
 
     /// What tracers are to be prepared for.
@@ -359,7 +363,7 @@ impl Work<'_> {
                 Some(traced) => Told::of_runs(self.asked, traced),
                 None => return Ok(None),
             },
-            None => self.at_once(&job, &mut opened)?,
+            None => self.at_once((&job, &rays), &mut opened)?,
         };
         free_meanwhile(rays);
         let mut stats = std::mem::take(&mut opened.stats);
@@ -369,13 +373,16 @@ impl Work<'_> {
     }
 
     /// Traces a batch of which more is told than its answers, and which is not kept on its way.
-    fn at_once(&self, job: &BatchJob, opened: &mut open::Opened) -> Result<Told> {
+    fn at_once(&self, (job, rays): (&BatchJob, &TracingBatch), opened: &mut open::Opened) -> Result<Told> {
         let (args, bar) = (self.args, Bar::new("trace", self.talk));
-        let million_rays = job.given.len() as f64 * f64::from(args.repeat) / 1e6;
+        let million_rays = rays.rays.len() as f64 * f64::from(args.repeat) / 1e6;
         let progress = |done: f64| bar.update(done, million_rays, "M rays");
         match job.asked.most() {
-            Some(most) => trace_all(args, (job, most), (opened.tracer.as_mut(), opened.buffers.as_ref()), &progress),
-            None => trace(args, job, opened.tracer.as_mut(), &progress),
+            Some(most) => {
+                let tracer = (opened.tracer.as_mut(), opened.buffers.as_ref());
+                trace_all(args, (job, rays, most), tracer, &progress)
+            }
+            None => trace(args, (job, rays), opened.tracer.as_mut(), &progress),
         }
     }
 

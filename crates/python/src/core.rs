@@ -29,6 +29,8 @@ const AT_A_TIME: usize = 1 << 20;
 /// memory is cleared, page by page. A million rays through 192,000 triangles took 0.6 to 0.7 of the time in parts of
 /// 2^18, on two cores.
 const AT_A_TIME_ON_CPU: usize = 1 << 18;
+/// Of several devices for each: they share what is more than a million.
+const AT_A_TIME_OF_EACH: usize = 1 << 24;
 
 /// A scene with what traces it, which is opened when it is first needed.
 #[pyclass(frozen, module = "raybrook._raybrook")]
@@ -73,10 +75,11 @@ impl Core {
                 *place = Some(self.choices.open(&self.scene, self.current.clone())?);
             }
             let tracer = place.as_mut().expect("it was opened");
-            let had_device = tracer.device_kind().is_some();
-            let mut parts = Parts::new(match tracer.device_kind() {
-                None | Some(DeviceKind::Cpu) => AT_A_TIME_ON_CPU,
-                Some(_) => AT_A_TIME,
+            let known = tracer.notes();
+            let mut parts = Parts::new(match (tracer.device_count(), tracer.device_kind()) {
+                (1, None | Some(DeviceKind::Cpu)) => AT_A_TIME_ON_CPU,
+                (1, Some(_)) => AT_A_TIME,
+                (several, _) => several * AT_A_TIME_OF_EACH,
             });
             let mut first = 0;
             while first < count {
@@ -87,10 +90,8 @@ impl Core {
                 parts.took(start.elapsed());
                 first += part;
             }
-            if had_device && tracer.device_kind().is_none() {
-                // The last one tells of the loss.
-                tracer.notes().pop().into_iter().for_each(|note| call.note(note));
-            }
+            // Of devices that were lost.
+            tracer.notes().into_iter().filter(|note| !known.contains(note)).for_each(|note| call.note(note));
             Ok(())
         };
         match catch_unwind(AssertUnwindSafe(all)) {

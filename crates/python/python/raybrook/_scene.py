@@ -74,7 +74,8 @@ class Scene:
             much. Vertices, rays, points and answers are in the caller's coordinates as ever, but places in answers are
             float64.
         device: ``gpu``, ``cpu``, ``reference`` (scalar code on all cores, without OpenCL), a number of `devices` or a
-            part of a name. None: ``$RAYBROOK_DEVICE``, else the fastest.
+            part of a name. Several, as in ``0,2``, ``gpu+cpu`` or ``all``, share large batches and pictures. None:
+            ``$RAYBROOK_DEVICE``, else the fastest.
         method: structure and more, as ``--method`` of the command line, such as ``bvh8``. None: the fastest.
         precision: ``exact``, which is the default, or ``fast``, which loses some hits at edges.
         memory_limit: the most bytes that the process may take. None: nine tenths of what is left.
@@ -507,7 +508,7 @@ class Scene:
 
     @property
     def device(self) -> str:
-        """The name of the device that answers; ``reference`` without OpenCL."""
+        """The name of the device that answers, of several all names; ``reference`` without OpenCL."""
         return self._opened().open()[0]
 
     @property
