@@ -1,6 +1,7 @@
 //! Typed buffers in the device's memory.
 
 use super::handle::Owned;
+use super::staging::{PART_BYTES, Staging};
 use super::{DeviceContext, Event};
 use crate::error::{Error, Result};
 use crate::parallel;
@@ -8,7 +9,7 @@ use bytemuck::Pod;
 use opencl3::command_queue::enqueue_write_buffer;
 use opencl3::error_codes::ClError;
 use opencl3::memory::{Buffer as ClBuffer, CL_MEM_READ_ONLY, CL_MEM_READ_WRITE, ClMem};
-use opencl3::types::{CL_TRUE, cl_mem_flags};
+use opencl3::types::{CL_FALSE, CL_TRUE, cl_mem_flags};
 use std::marker::PhantomData;
 use std::ptr;
 use std::sync::Arc;
@@ -23,6 +24,11 @@ const READ_BYTES: usize = 2 << 20;
 
 /// So many elements are no work for several cores.
 const LEAST_CONVERTED: usize = 4096;
+
+/// Waits for a transfer, if there is one.
+fn landed(flight: &mut Option<Event>) -> Result<()> {
+    flight.take().map_or(Ok(()), |event| event.wait().map(drop))
+}
 
 /// `len` elements of `T` in the device's memory.
 ///
@@ -175,6 +181,11 @@ impl<T: Pod> Buffer<T> {
         }
         let Memory { raw, context, .. } = &*self.memory;
         let bytes: &[u8] = bytemuck::cast_slice(data);
+        if let Some(mut staging) = context.staging(bytes.len())
+            && let Some(staging) = &mut *staging
+        {
+            return self.write_by_parts(staging, bytes);
+        }
         // The plain call: opencl3's method wants `&mut`, although the runtime does the writing.
         let watched = context.watch_transfer("clEnqueueWriteBuffer");
         // SAFETY: the call blocks, so `bytes` outlives the transfer, and it fits (asserted above).
@@ -185,6 +196,88 @@ impl<T: Pod> Buffer<T> {
         drop(watched);
         let event = event.map(opencl3::event::Event::new).map_err(ClError);
         self.done("clEnqueueWriteBuffer", event)
+    }
+
+    /// Overwrites the first bytes through pinned memory.
+    fn write_by_parts(&self, staging: &mut Staging, bytes: &[u8]) -> Result<()> {
+        let Memory { raw, context, .. } = &*self.memory;
+        let mut flights = [const { None }; 2];
+        let sent = bytes.chunks(PART_BYTES).enumerate().try_for_each(|(number, bytes)| -> Result<()> {
+            // What was there before is to be on the device.
+            landed(&mut flights[number % 2])?;
+            staging.fill(number, bytes);
+            let (queue, part) = (context.0.queue.get(), staging.part(number).cast());
+            let watched = context.watch("clEnqueueWriteBuffer");
+            // SAFETY: nobody touches the part until the event is waited for, and the bytes fit.
+            let event = unsafe {
+                enqueue_write_buffer(queue, raw.get(), CL_FALSE, number * PART_BYTES, bytes.len(), part, 0, ptr::null())
+            };
+            drop(watched);
+            let event = event.map(opencl3::event::Event::new).map_err(ClError);
+            flights[number % 2] = Some(self.flight("clEnqueueWriteBuffer", event)?);
+            Ok(())
+        });
+        // The device may still have parts where something failed.
+        let [first, second] = flights.each_mut().map(landed);
+        sent.and(first).and(second)
+    }
+
+    /// As [`Buffer::read_as`], through pinned memory.
+    fn read_by_parts<R: Send>(&self, staging: &mut Staging, convert: impl Fn(T) -> R + Sync) -> Result<Vec<R>>
+    where
+        T: Send + Sync,
+    {
+        let Memory { raw, context, .. } = &*self.memory;
+        let (mut all, mut flights) = (Vec::with_capacity(self.len), [const { None }; 2]);
+        let most = PART_BYTES / size_of::<T>();
+        let count = |number: usize| most.min(self.len.saturating_sub(number * most));
+        let fetch = |staging: &mut Staging, number: usize, flight: &mut Option<Event>| -> Result<()> {
+            let bytes = count(number) * size_of::<T>();
+            if bytes == 0 {
+                return Ok(());
+            }
+            // SAFETY: nobody touches the part until the event is waited for, and the range is inside the buffer.
+            let event = unsafe {
+                let part = std::slice::from_raw_parts_mut(staging.part(number), bytes);
+                let _watched = context.watch("clEnqueueReadBuffer");
+                let offset = number * most * size_of::<T>();
+                context.0.queue.enqueue_read_buffer(raw, CL_FALSE, offset, part, &[])
+            };
+            *flight = Some(self.flight("clEnqueueReadBuffer", event)?);
+            Ok(())
+        };
+        let mut fetched = fetch(staging, 0, &mut flights[0]);
+        let mut number = 0;
+        while fetched.is_ok() && count(number) > 0 {
+            // One part is fetched while the one before is converted.
+            fetched = fetch(staging, number + 1, &mut flights[(number + 1) % 2])
+                .and_then(|()| landed(&mut flights[number % 2]));
+            if fetched.is_ok() {
+                let part = staging.elements(number, count(number));
+                parallel::extend(&mut all, part.len(), |i| convert(part[i]));
+                number += 1;
+            }
+        }
+        let [first, second] = flights.each_mut().map(landed);
+        fetched.and(first).and(second).map(|()| all)
+    }
+
+    /// A transfer that was begun.
+    fn flight(&self, call: &str, event: std::result::Result<opencl3::event::Event, ClError>) -> Result<Event> {
+        let Memory { context, what, .. } = &*self.memory;
+        let call = format!("{call} of {what}");
+        let event = event.map_err(|e| context.error(&call, e))?;
+        let event = Event::new(context.clone(), call, event);
+        let watched = context.watch("clFlush");
+        let flushed = context.0.queue.flush();
+        drop(watched);
+        match flushed {
+            Ok(()) => Ok(event),
+            Err(error) => {
+                let error = context.error("clFlush", error);
+                event.wait().and(Err(error))
+            }
+        }
     }
 
     /// All elements, after every command before this one is done.
@@ -209,6 +302,11 @@ impl<T: Pod> Buffer<T> {
     where
         T: Send + Sync,
     {
+        if let Some(mut staging) = self.memory.context.staging(self.len * size_of::<T>())
+            && let Some(staging) = &mut *staging
+        {
+            return self.read_by_parts(staging, convert);
+        }
         let mut all = Vec::with_capacity(self.len);
         let room = self.len.min(READ_BYTES.div_ceil(size_of::<T>().max(1)));
         let mut part = bytemuck::zeroed_vec::<T>(room);

@@ -4,8 +4,9 @@ use super::errors::cl_error;
 use super::handle::Owned;
 use super::kept_programs::KeptPrograms;
 use super::owner::Owner;
+use super::staging::{PART_BYTES, Staging};
 use super::watchdog::{Limit, Watched, watch};
-use crate::device_info::DeviceInfo;
+use crate::device_info::{DeviceInfo, DeviceKind};
 use crate::error::{Error, Result};
 use opencl3::command_queue::{CL_QUEUE_PROFILING_ENABLE, CommandQueue, create_command_queue};
 use opencl3::context::Context;
@@ -65,6 +66,11 @@ pub struct DeviceContext(pub(super) Arc<Opened>);
 
 #[derive(Debug)]
 pub(super) struct Opened {
+    /// Memory for large transfers, once it pays; released first.
+    staging: Mutex<Option<Staging>>,
+    /// From how many bytes on that is so, and how many were transferred.
+    staged_from: AtomicU64,
+    transferred: AtomicU64,
     // In the order in which they are released.
     pub queue: Owned<CommandQueue>,
     pub shared: Arc<Shared>,
@@ -77,6 +83,19 @@ pub(super) struct Opened {
     /// What stops commands from being started, if something may.
     pub stop: Mutex<Option<Arc<AtomicBool>>>,
 }
+
+impl Drop for Opened {
+    fn drop(&mut self) {
+        let staging = self.staging.get_mut().unwrap_or_else(PoisonError::into_inner).take();
+        staging.into_iter().for_each(|staging| staging.release(&self.queue));
+    }
+}
+
+/// What a GPU has transferred in large transfers before memory is pinned for them: one or two pictures are not worth
+/// it.
+const STAGED_FROM: u64 = 128 << 20;
+/// What is a large transfer.
+const LEAST_STAGED: usize = 2 * PART_BYTES;
 
 /// What those share who have the same device open.
 #[derive(Debug)]
@@ -138,7 +157,12 @@ impl DeviceContext {
         let owner = Owner::new(&info.name);
         let queue = create_queue(&owner, &shared.context, &handle.device);
         let queue = queue.map_err(|e| cl_error(&info.name, "clCreateCommandQueue", e))?;
+        // Whose memory is the host's has nothing to gain.
+        let gains = info.kind == DeviceKind::Gpu && handle.device.host_unified_memory() == Ok(false);
         Ok(DeviceContext(Arc::new(Opened {
+            staging: Mutex::default(),
+            staged_from: AtomicU64::new(if gains { STAGED_FROM } else { u64::MAX }),
+            transferred: AtomicU64::new(0),
             queue,
             shared,
             owner,
@@ -164,6 +188,33 @@ impl DeviceContext {
     /// The bytes of all buffers that live on the device now.
     pub fn allocated_bytes(&self) -> u64 {
         self.0.allocated_bytes.load(Ordering::Relaxed)
+    }
+
+    /// Has all large transfers go through pinned memory, whatever the device. A GPU does so by itself once it pays.
+    pub fn stage_transfers(&self) {
+        self.0.staged_from.store(0, Ordering::Relaxed);
+    }
+
+    /// What a transfer of so many bytes goes through, if that is sooner.
+    pub(super) fn staging(&self, bytes: usize) -> Option<MutexGuard<'_, Option<Staging>>> {
+        let Opened { staging, staged_from, transferred, queue, shared, owner, .. } = &*self.0;
+        if bytes < LEAST_STAGED || staged_from.load(Ordering::Relaxed) == u64::MAX {
+            return None;
+        }
+        let all = transferred.fetch_add(bytes as u64, Ordering::Relaxed).saturating_add(bytes as u64);
+        if all < staged_from.load(Ordering::Relaxed) {
+            return None;
+        }
+        let mut staging = staging.lock().unwrap_or_else(PoisonError::into_inner);
+        if staging.is_none() {
+            *staging = Staging::new(&shared.context, queue, owner);
+        }
+        if staging.is_none() {
+            // The driver does not: nobody asks again.
+            staged_from.store(u64::MAX, Ordering::Relaxed);
+            return None;
+        }
+        Some(staging)
     }
 
     /// Forgets compiled programs, so that the next ones are compiled, or loaded from a cache, as by a new process.

@@ -54,6 +54,7 @@ mod rows;
 mod scene;
 mod select;
 mod source;
+mod staging;
 mod tracer;
 mod watchdog;
 mod wavefront;

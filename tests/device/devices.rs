@@ -170,6 +170,30 @@ fn buffers_come_back_as_they_went() {
     context.finish().unwrap();
 }
 
+/// Parts of pinned memory have 4 MiB, and what is less than two of them does without.
+#[test]
+fn large_buffers_come_back_through_pinned_memory() {
+    let Some(context) = open_device() else { return };
+    context.stage_transfers();
+    let part = 4 << 20;
+    for bytes in [part, 2 * part, 2 * part + 4, 5 * part - 4, 5 * part] {
+        let numbers: Vec<u32> = (0..bytes as u32 / 4).map(|i| i.wrapping_mul(0x9e37_79b9)).collect();
+        let buffer = Buffer::from_slice(&context, "numbers", &numbers).unwrap();
+        assert!(buffer.read().unwrap() == numbers, "{bytes} bytes");
+        let opposite: Vec<u32> = numbers.iter().map(|number| !number).collect();
+        assert!(buffer.read_as(|number: u32| !number).unwrap() == opposite, "{bytes} bytes");
+        // The first parts anew, and nothing behind them.
+        let again: Vec<u32> = numbers[..numbers.len() - 1].iter().rev().copied().collect();
+        buffer.write(&again).unwrap();
+        let found = buffer.read().unwrap();
+        assert!(found[..again.len()] == again && found[again.len()..] == numbers[again.len()..], "{bytes} bytes");
+    }
+    // Elements of which no whole number fills a part.
+    let triples: Vec<[f32; 3]> = (0..1_500_001).map(|i| [i as f32, -1.0, 0.5]).collect();
+    assert!(Buffer::from_slice(&context, "triples", &triples).unwrap().read().unwrap() == triples);
+    context.finish().unwrap();
+}
+
 #[test]
 fn a_buffer_over_the_limit_is_an_error_that_names_it() {
     let Some(context) = open_device() else { return };
