@@ -2,7 +2,8 @@
 //! clock, through the front door. Each list of devices in turn, the least of some rounds; the answers are compared bit
 //! for bit.
 //!
-//! `cargo bench --bench devices -- 0 0,1 rays=100000000 side=8192 samples=64 rounds=3`
+//! `cargo bench --bench devices -- 0 0,1 rays=100000000 side=8192 samples=64 rounds=3`; with `shuffled` no ray of the
+//! batch is near the one before.
 
 mod common;
 
@@ -18,11 +19,13 @@ struct Asked {
     side: u32,
     samples: u32,
     rounds: u32,
+    is_shuffled: bool,
 }
 
 impl Asked {
     fn of_arguments() -> Asked {
-        let mut asked = Asked { devices: Vec::new(), rays: 8_000_000, side: 1024, samples: 4, rounds: 3 };
+        let mut asked =
+            Asked { devices: Vec::new(), rays: 8_000_000, side: 1024, samples: 4, rounds: 3, is_shuffled: false };
         // Cargo says --bench.
         for argument in std::env::args().skip(1).filter(|argument| !argument.starts_with("--")) {
             match argument.split_once('=') {
@@ -30,6 +33,7 @@ impl Asked {
                 Some(("side", value)) => asked.side = value.parse().expect("pixels of a side"),
                 Some(("samples", value)) => asked.samples = value.parse().expect("samples of a pixel"),
                 Some(("rounds", value)) => asked.rounds = value.parse().expect("a number of rounds"),
+                _ if argument == "shuffled" => asked.is_shuffled = true,
                 _ => asked.devices.push(argument),
             }
         }
@@ -40,8 +44,11 @@ impl Asked {
     }
 }
 
-/// Rays from a point beside the scene through a square around it, row by row.
-fn ray_of(scene: &Scene, count: usize) -> impl Fn(usize) -> Ray + Sync + use<> {
+/// A number that has no factor in common with most others.
+const STRIDE: usize = 0x9e37_79b1;
+
+/// Rays from a point beside the scene through a square around it, row by row or shuffled.
+fn ray_of(scene: &Scene, count: usize, is_shuffled: bool) -> impl Fn(usize) -> Ray + Sync + use<> {
     let (low, high) = scene.bounds().expect("the scene has triangles");
     let (middle, radius) = ((low + high) / 2.0, (high - low).length() / 2.0);
     let away = Vec3::new(1.0, 0.7, 1.3).normalize();
@@ -50,6 +57,7 @@ fn ray_of(scene: &Scene, count: usize) -> impl Fn(usize) -> Ray + Sync + use<> {
     let side = (count as f64).sqrt().ceil() as usize;
     let part = move |i: usize| radius * (2.0 * i as f32 / side as f32 - 1.0);
     move |i| {
+        let i = if is_shuffled { i * STRIDE % count } else { i };
         let through = middle + part(i % side) * right + part(i / side) * up;
         Ray::new(eye.to_array(), (through - eye).to_array())
     }
@@ -65,7 +73,7 @@ struct Turn {
 fn main() -> Result<()> {
     let asked = Asked::of_arguments();
     let scene = own_scene("showcase.toml");
-    let ray = ray_of(&scene, asked.rays);
+    let ray = ray_of(&scene, asked.rays, asked.is_shuffled);
     let view = View::new(asked.side, asked.side).samples(asked.samples);
     let open = |devices: &String| {
         let tracer = Tracer::builder(&scene).device(devices).build()?;

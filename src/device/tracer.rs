@@ -313,7 +313,7 @@ impl Backend for OpenClBackend {
             progress(done as f64 / (passes * job.rays.len().max(1) as f64));
         })?;
         extreme.count_in(&mut counts);
-        let mut result = AllHits { upload_s, ..AllHits::of_counts(&counts, job)? };
+        let mut result = AllHits { upload_s, ..AllHits::of_counts(&counts, job.wants_hits, job.budget)? };
         let [list_s, read_s] = if job.wants_hits { lister.list(&mut result, progress)? } else { [0.0; 2] };
         result.kernel_s = [count_s, list_s];
         let start = Instant::now();

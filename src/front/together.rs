@@ -61,6 +61,7 @@ impl Tracer {
                     to.copy_from_slice(found);
                 });
             }
+            Ok(())
         })?;
         drop(runs);
         Ok(hits)
@@ -68,18 +69,22 @@ impl Tracer {
 
     /// How many hits each of `count` rays has, and, if they are asked for, which.
     pub(super) fn all_hits_in_runs(&mut self, count: usize, ray: RayOf, asked: Asked) -> Result<AllHits> {
-        let found = Mutex::new(Vec::new());
-        self.trace_in_runs(count, ray, asked, &|traced| lock(&found).push((traced.runs.start, traced.answers)))?;
-        let mut found = unlocked(found);
+        let (found, budget) = (Mutex::new((0, Vec::new())), self.chosen.limit);
+        self.trace_in_runs(count, ray, asked, &|traced| {
+            let (hits, answers) = &mut *lock(&found);
+            *hits += traced.answers.hits.len();
+            answers.push((traced.runs.start, traced.answers));
+            AllHits::check_room((*hits, count), budget)
+        })?;
+        let (_, mut found) = unlocked(found);
         found.sort_unstable_by_key(|(run, _)| *run);
-        let mut all = AllHits { starts: vec![0], ..AllHits::default() };
+        let counts: Vec<u32> = found.iter().flat_map(|(_, answers)| &answers.counts).copied().collect();
+        let mut all = AllHits::of_counts(&counts, asked.lists_hits(), budget)?;
+        let mut room = &mut all.hits[..];
         for (_, answers) in found {
-            let mut end = all.starts[all.starts.len() - 1];
-            all.starts.extend(answers.counts.iter().map(|&count| {
-                end += count as usize;
-                end
-            }));
-            all.hits.extend(answers.hits);
+            let (now, later) = room.split_at_mut(answers.hits.len());
+            now.copy_from_slice(&answers.hits);
+            room = later;
         }
         Ok(all)
     }
@@ -89,7 +94,7 @@ impl Tracer {
         count: usize,
         ray: RayOf,
         asked: Asked,
-        take: &(dyn Fn(TracedRuns) + Sync),
+        take: &(dyn Fn(TracedRuns) -> Result<()> + Sync),
     ) -> Result<()> {
         let (runs, buffers) = (Runs::of_length(count, self.run_length()), self.buffers.clone());
         let make = |batch: &mut TracingBatch, rays: Range<usize>| {
@@ -102,16 +107,12 @@ impl Tracer {
         };
         let job = BatchJob { given: &given, rays: RunRays::OnDemand(&rays), asked, budget: self.chosen.budget() };
         let all: Vec<usize> = (0..runs.count()).collect();
-        let take = |traced| {
-            take(traced);
-            Ok(())
-        };
         match self.team.is_several() {
             true => self.timed_together(self.depth, |devices, watcher| {
-                trace_by_several(devices, &job, (runs, &all), &take, watcher).map(drop)
+                trace_by_several(devices, &job, (runs, &all), take, watcher).map(drop)
             }),
             false => self.timed(self.depth, |backend, progress| {
-                trace_runs((backend, &buffers), &job, (runs, &all), &mut &take, progress)
+                trace_runs((backend, &buffers), &job, (runs, &all), &mut |traced| take(traced), progress)
             }),
         }
     }

@@ -141,7 +141,7 @@ impl Backend for ReferenceBackend {
         let count_s = start.elapsed().as_secs_f64();
         extreme.count_in(&mut counts);
 
-        let mut result = AllHits { work, ..AllHits::of_counts(&counts, job)? };
+        let mut result = AllHits { work, ..AllHits::of_counts(&counts, job.wants_hits, job.budget)? };
         let start = Instant::now();
         if job.wants_hits {
             let mut rest = result.hits.as_mut_slice();

@@ -58,11 +58,11 @@ pub struct AllHits {
 }
 
 impl AllHits {
-    /// Room for so many hits of each ray of a job.
+    /// Room for so many hits of each ray, if they are wanted, within a budget: without one what there is now.
     ///
     /// # Errors
     /// [`crate::Error::OutOfMemory`] when there is no memory for them.
-    pub(crate) fn of_counts(counts: &[u32], job: &AllHitsJob) -> Result<AllHits> {
+    pub(crate) fn of_counts(counts: &[u32], wants_hits: bool, budget: Option<MemoryBudget>) -> Result<AllHits> {
         let mut starts = Vec::with_capacity(counts.len() + 1);
         let mut end = 0;
         starts.push(end);
@@ -70,19 +70,36 @@ impl AllHits {
             end += count as usize;
             end
         }));
-        if !job.wants_hits {
+        if !wants_hits {
             return Ok(AllHits { starts, ..AllHits::default() });
         }
-        let what = format!("{end} hits of {} rays", counts.len());
+        let room = |need: &Need| try_repeat(Hit::NONE, end).map_err(|_| need.refused());
+        let hits = AllHits::checked((end, counts.len()), budget, room)?;
+        Ok(AllHits { starts, hits, ..AllHits::default() })
+    }
+
+    /// Checks that there is memory for so many hits of so many rays.
+    ///
+    /// # Errors
+    /// As [`AllHits::of_counts`].
+    pub(crate) fn check_room(hits_of_rays: (usize, usize), budget: Option<MemoryBudget>) -> Result<()> {
+        AllHits::checked(hits_of_rays, budget, |_| Ok(()))
+    }
+
+    fn checked<T>(
+        (hits, rays): (usize, usize),
+        budget: Option<MemoryBudget>,
+        then: impl FnOnce(&Need) -> Result<T>,
+    ) -> Result<T> {
+        let what = format!("{hits} hits of {rays} rays");
         // As devices and callers have them, too.
-        let bytes = (end * (2 * size_of::<Hit>() + CALLERS_BYTES)) as u64;
+        let bytes = (hits * (2 * size_of::<Hit>() + CALLERS_BYTES)) as u64;
         let remedy = "split the batch, ask for fewer hits of each ray, or raise the memory limit";
         let need = Need { what: &what, bytes, decided_by: DecidedBy::Input, remedy };
         if bytes >= CHECKED_FROM_BYTES {
-            job.budget.unwrap_or_else(MemoryBudget::available).check(&need)?;
+            budget.unwrap_or_else(MemoryBudget::available).check(&need)?;
         }
-        let hits = try_repeat(Hit::NONE, end).map_err(|_| need.refused())?;
-        Ok(AllHits { starts, hits, ..AllHits::default() })
+        then(&need)
     }
 
     /// How many hits a ray has.

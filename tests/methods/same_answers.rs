@@ -59,10 +59,11 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 const ALL_COMBINATIONS: &str = "RAYBROOK_ALL_COMBINATIONS";
 /// Sizes of the pictures: in the spread, and for all combinations.
 const SIZES: [(u32, u32); 2] = [(32, 24), (64, 48)];
-/// One in so many sets of the mega-kernel's kernels in the spread is asked for the hits of secondary rays, too. The
-/// ways through a structure are compared for them by tests/methods/traverse.rs.
+/// One in so many sets of the mega-kernel's kernels in the spread is asked for the hits of secondary rays, too; in a
+/// usual run half as many, and half as many as the next two say. The ways through a structure are compared for them by
+/// tests/methods/traverse.rs.
 const NEXT: usize = 3;
-/// One in so many for any hits; in a usual run half as many, and half as many as in [`PICTURES`] for pictures.
+/// One in so many for any hits.
 const ANY: usize = 3;
 /// One in so many combinations of the mega-kernel in the spread renders, too.
 const PICTURES: usize = 6;
@@ -230,7 +231,7 @@ fn jobs_of_spread(lists: &[Vec<TraceOptions>], models: usize) -> Vec<Vec<Job>> {
                 jobs.push(Job {
                     options,
                     model,
-                    questions: Questions { closest: is_mega, next: is_mega && i % NEXT == 1, any, picture },
+                    questions: Questions { closest: is_mega, next: is_mega && i % (thinned * NEXT) == 1, any, picture },
                 });
             }
         }

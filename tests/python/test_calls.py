@@ -54,6 +54,8 @@ def test_ctrl_c_stops_a_call(device, call):
 import numpy as np, raybrook, sys, time, threading, os, signal
 scene = raybrook.Scene.load({str(ROOT / "scenes" / "vase.obj")!r}, device={device!r})
 scene.any_hit(np.zeros((1, 6), np.float32))
+if {"render" in call}:
+    scene.render(8, 8, samples=64)  # nothing stops a compiler
 rays = np.broadcast_to(np.float32([[0, 1, 5, 0, 0, -1]]), (30_000_000, 6)) if {"rays" in call} else None
 rays = None if rays is None else np.ascontiguousarray(rays)
 threading.Timer(1.0, lambda: os.kill(os.getpid(), signal.SIGINT)).start()
