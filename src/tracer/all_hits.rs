@@ -117,3 +117,21 @@ impl AllHits {
         self.starts[ray]..self.starts[ray + 1]
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn hits_for_which_there_is_no_memory_are_refused_before_it_is_taken() {
+        let budget = Some(MemoryBudget::of_bytes(1 << 40));
+        AllHits::check_room((1000, 9), budget).unwrap();
+        let refused = AllHits::check_room((1 << 40, 9), budget).unwrap_err();
+        assert!(refused.to_string().contains("1099511627776 hits of 9 rays"), "{refused}");
+        let refused = AllHits::of_counts(&[u32::MAX; 1000], true, budget).unwrap_err();
+        assert!(refused.to_string().contains("4294967295000 hits of 1000 rays"), "{refused}");
+        // Where only their number is asked for they need none.
+        let counted = AllHits::of_counts(&[u32::MAX; 1000], false, budget).unwrap();
+        assert!(counted.hits.is_empty() && counted.count(999) == u32::MAX as usize);
+    }
+}
