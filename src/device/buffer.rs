@@ -181,10 +181,8 @@ impl<T: Pod> Buffer<T> {
         }
         let Memory { raw, context, .. } = &*self.memory;
         let bytes: &[u8] = bytemuck::cast_slice(data);
-        if let Some(mut staging) = context.staging(bytes.len())
-            && let Some(staging) = &mut *staging
-        {
-            return self.write_by_parts(staging, bytes);
+        if let Some(written) = context.staged(bytes.len(), |staging| self.write_by_parts(staging, bytes)) {
+            return written;
         }
         // The plain call: opencl3's method wants `&mut`, although the runtime does the writing.
         let watched = context.watch_transfer("clEnqueueWriteBuffer");
@@ -264,9 +262,8 @@ impl<T: Pod> Buffer<T> {
 
     /// A transfer that was begun.
     fn flight(&self, call: &str, event: std::result::Result<opencl3::event::Event, ClError>) -> Result<Event> {
-        let Memory { context, what, .. } = &*self.memory;
-        let call = format!("{call} of {what}");
-        let event = event.map_err(|e| context.error(&call, e))?;
+        let context = &self.memory.context;
+        let (call, event) = self.begun(call, event)?;
         let event = Event::new(context.clone(), call, event);
         let watched = context.watch("clFlush");
         let flushed = context.0.queue.flush();
@@ -302,10 +299,9 @@ impl<T: Pod> Buffer<T> {
     where
         T: Send + Sync,
     {
-        if let Some(mut staging) = self.memory.context.staging(self.len * size_of::<T>())
-            && let Some(staging) = &mut *staging
-        {
-            return self.read_by_parts(staging, convert);
+        let bytes = self.len * size_of::<T>();
+        if let Some(read) = self.memory.context.staged(bytes, |staging| self.read_by_parts(staging, &convert)) {
+            return read;
         }
         let mut all = Vec::with_capacity(self.len);
         let room = self.len.min(READ_BYTES.div_ceil(size_of::<T>().max(1)));
@@ -366,9 +362,19 @@ impl<T: Pod> Buffer<T> {
 
     /// Looks at a finished transfer's status as well.
     fn done(&self, call: &str, event: std::result::Result<opencl3::event::Event, ClError>) -> Result<()> {
+        let (call, event) = self.begun(call, event)?;
+        Event::check_transfer(self.memory.context.clone(), call, event)
+    }
+
+    /// A transfer that the driver took, with what errors call it.
+    fn begun(
+        &self,
+        call: &str,
+        event: std::result::Result<opencl3::event::Event, ClError>,
+    ) -> Result<(String, opencl3::event::Event)> {
         let Memory { context, what, .. } = &*self.memory;
         let call = format!("{call} of {what}");
         let event = event.map_err(|e| context.error(&call, e))?;
-        Event::check_transfer(context.clone(), call, event)
+        Ok((call, event))
     }
 }

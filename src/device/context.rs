@@ -158,7 +158,9 @@ impl DeviceContext {
         let queue = create_queue(&owner, &shared.context, &handle.device);
         let queue = queue.map_err(|e| cl_error(&info.name, "clCreateCommandQueue", e))?;
         // Whose memory is the host's has nothing to gain.
+        let watched = watch(&owner, "clGetDeviceInfo", Limit::Call);
         let gains = info.kind == DeviceKind::Gpu && handle.device.host_unified_memory() == Ok(false);
+        drop(watched);
         Ok(DeviceContext(Arc::new(Opened {
             staging: Mutex::default(),
             staged_from: AtomicU64::new(if gains { STAGED_FROM } else { u64::MAX }),
@@ -195,10 +197,10 @@ impl DeviceContext {
         self.0.staged_from.store(0, Ordering::Relaxed);
     }
 
-    /// What a transfer of so many bytes goes through, if that is sooner.
-    pub(super) fn staging(&self, bytes: usize) -> Option<MutexGuard<'_, Option<Staging>>> {
+    /// Has `transfer` done through pinned memory, if that is sooner for so many bytes; else it is not called.
+    pub(super) fn staged<T>(&self, bytes: usize, transfer: impl FnOnce(&mut Staging) -> T) -> Option<T> {
         let Opened { staging, staged_from, transferred, queue, shared, owner, .. } = &*self.0;
-        if bytes < LEAST_STAGED || staged_from.load(Ordering::Relaxed) == u64::MAX {
+        if bytes < LEAST_STAGED {
             return None;
         }
         let all = transferred.fetch_add(bytes as u64, Ordering::Relaxed).saturating_add(bytes as u64);
@@ -209,12 +211,12 @@ impl DeviceContext {
         if staging.is_none() {
             *staging = Staging::new(&shared.context, queue, owner);
         }
-        if staging.is_none() {
+        let Some(staging) = &mut *staging else {
             // The driver does not: nobody asks again.
             staged_from.store(u64::MAX, Ordering::Relaxed);
             return None;
-        }
-        Some(staging)
+        };
+        Some(transfer(staging))
     }
 
     /// Forgets compiled programs, so that the next ones are compiled, or loaded from a cache, as by a new process.

@@ -1,11 +1,10 @@
 //! Pictures in blocks, for programs that share them out themselves.
 
-use super::together::unlocked;
 use super::tracer::Tracer;
 use super::view::{Frame, View};
 use crate::error::{Error, Result};
 use crate::io::film::Film;
-use crate::parallel::lock;
+use crate::parallel::{lock, unlocked};
 use crate::renderer::{self, PictureBlocks, render_blocks};
 use crate::scene::Scene;
 use crate::tracer::Finished;

@@ -5,13 +5,13 @@ use crate::device::{Cache, DeviceHandle, DeviceKind};
 use crate::error::{Error, Result};
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
-use crate::parallel;
+use crate::parallel::{self, lock, unlocked};
 use crate::renderer::{FallBack, build_and_open_within, open_tracer};
 use crate::scene::Scene;
 use crate::several::{DeviceTracer, Devices, OpenTracer, Takeover, Watcher};
 use crate::tracer::{Backend, LostDevice, Progress};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 
 /// How devices are opened.
 pub(super) struct Opening {
@@ -236,7 +236,7 @@ impl Team {
             DeviceTracer { name: "reference".to_owned(), is_processor: true, open: Box::new(open) }
         });
         let done = work(Devices { devices: devices.collect(), last_resort }, &watching);
-        let mut lost = watching.lost.into_inner().unwrap_or_else(PoisonError::into_inner);
+        let mut lost = unlocked(watching.lost);
         for (number, error, takeover) in &lost {
             let lost = LostDevice { device: self.members[*number].name().to_owned(), error: error.to_string() };
             self.notes.push(if *takeover == Takeover::OtherDevices { by_others(&lost) } else { by_reference(&lost) });
@@ -307,7 +307,7 @@ impl Watcher for Watching<'_> {
     }
 
     fn lost(&self, (number, _): (usize, &str), error: Error, takeover: Takeover) -> Result<()> {
-        self.lost.lock().unwrap_or_else(PoisonError::into_inner).push((number, error, takeover));
+        lock(&self.lost).push((number, error, takeover));
         Ok(())
     }
 }

@@ -5,7 +5,7 @@ use super::tracer::Tracer;
 use crate::device::DeviceKind;
 use crate::error::Result;
 use crate::options::PacketSize;
-use crate::parallel::{self, lock};
+use crate::parallel::{self, lock, unlocked};
 use crate::reference::extreme::TracingBatch;
 use crate::renderer::{Picture, PictureBlocks, render_by_several};
 use crate::runs::{Asked, BatchJob, RUN_RAYS, RaysOnDemand, RunRays, Runs, TracedRuns, trace_by_several, trace_runs};
@@ -14,17 +14,13 @@ use crate::tracer::{AllHits, Finished, RenderResult, Spent};
 use bytemuck::zeroed_vec;
 use glam::Vec3;
 use std::ops::Range;
-use std::sync::{Mutex, PoisonError};
+use std::sync::Mutex;
 
 /// Rays of a run on processors, whose memory is small enough to be taken again for the next one. On two cores 8 million
 /// rays in runs of 2^16 to 2^21 took 0.73, 0.72, 0.60, 0.60, 0.76 and 0.89 of the time that all at once took.
 const RUN_RAYS_ON_PROCESSOR: usize = 1 << 18;
 /// Hits that a core copies at a time.
 const COPIED_HITS: usize = 1 << 14;
-
-pub(super) fn unlocked<T>(mutex: Mutex<T>) -> T {
-    mutex.into_inner().unwrap_or_else(PoisonError::into_inner)
-}
 
 /// Rays in world units: origin, direction, `t_min` and `t_max` of each.
 type RayOf<'a> = &'a (dyn Fn(usize) -> (Vec3, Vec3, f32, f32) + Sync);
