@@ -9,6 +9,7 @@ mod common;
 
 use common::own_scene;
 use glam::Vec3;
+use raybrook::low_level::parallel;
 use raybrook::{Hit, Ray, Result, Scene, Tracer, View};
 use std::time::Instant;
 
@@ -74,6 +75,7 @@ fn main() -> Result<()> {
     let asked = Asked::of_arguments();
     let scene = own_scene("showcase.toml");
     let ray = ray_of(&scene, asked.rays, asked.is_shuffled);
+    let rays: Vec<Ray> = parallel::map_numbers(asked.rays, ray);
     let view = View::new(asked.side, asked.side).samples(asked.samples);
     let open = |devices: &String| {
         let tracer = Tracer::builder(&scene).device(devices).build()?;
@@ -85,7 +87,7 @@ fn main() -> Result<()> {
     for round in 0..=asked.rounds {
         for turn in &mut turns {
             let start = Instant::now();
-            let hits = turn.tracer.closest_hits_of(asked.rays, &ray)?;
+            let hits = turn.tracer.closest_hits_of(rays.len(), |i| rays[i])?;
             let (batch_s, start) = (start.elapsed().as_secs_f64(), Instant::now());
             let picture = turn.tracer.render(&view)?;
             let picture_s = start.elapsed().as_secs_f64();
@@ -99,8 +101,11 @@ fn main() -> Result<()> {
             assert!((0..asked.rays).all(is_same) && picture.pixels() == known_picture.pixels(), "other answers");
         }
     }
-    let Asked { rays, side, samples, .. } = asked;
-    println!("| devices | {rays} rays, s | of the first | {side}x{side}, {samples} samples, s | of the first |");
+    let Asked { side, samples, .. } = asked;
+    println!(
+        "| devices | {} rays, s | of the first | {side}x{side}, {samples} samples, s | of the first |",
+        rays.len()
+    );
     println!("|---|--:|--:|--:|--:|");
     for Turn { tracer, batch_s, picture_s } in &turns {
         let (batch, picture) = (turns[0].batch_s / batch_s, turns[0].picture_s / picture_s);

@@ -149,6 +149,7 @@ pub mod scene;
 mod several;
 mod shared;
 mod stats;
+mod streamed;
 mod tracer;
 mod winding;
 mod work;

@@ -105,6 +105,52 @@ pub fn extend<T: Send>(values: &mut Vec<T>, count: usize, value: impl Fn(usize) 
     unsafe { values.set_len(before + count) };
 }
 
+/// Room for values that come piece by piece, by several threads and in any order.
+pub struct Room<'a, T> {
+    pieces: Vec<Mutex<RoomOfPiece<'a, T>>>,
+    /// Values of a piece.
+    length: usize,
+}
+
+struct RoomOfPiece<'a, T> {
+    values: &'a mut [MaybeUninit<T>],
+    is_full: bool,
+}
+
+impl<T: Copy> Room<'_, T> {
+    /// Puts values from number `first` on into their places, in place of those that are there.
+    pub fn put(&self, first: usize, values: impl ExactSizeIterator<Item = T>) {
+        let (mut next, mut values) = (first, values);
+        while values.len() > 0 {
+            let (room, from) = (&mut *lock(&self.pieces[next / self.length]), next % self.length);
+            let count = values.len().min(room.values.len() - from);
+            let places = &mut room.values[from..from + count];
+            let written = places.iter_mut().zip(&mut values).map(|(place, value)| place.write(value)).count();
+            room.is_full |= written == room.values.len();
+            next += count;
+        }
+    }
+}
+
+/// `count` values in pieces of so many, which `fill` puts into their room; none unless each whole piece came at once.
+pub fn filled<T: Copy + Send, R>(
+    (count, length): (usize, usize),
+    fill: impl FnOnce(&Room<T>) -> R,
+) -> (R, Option<Vec<T>>) {
+    let mut values = Vec::with_capacity(count);
+    let room: &mut [MaybeUninit<T>] = &mut values.spare_capacity_mut()[..count];
+    let pieces = room.chunks_mut(length).map(|values| Mutex::new(RoomOfPiece { values, is_full: false }));
+    let room = Room { pieces: pieces.collect(), length };
+    let done = fill(&room);
+    let is_full = room.pieces.into_iter().all(|piece| unlocked(piece).is_full);
+    if !is_full {
+        return (done, None);
+    }
+    // SAFETY: room was reserved, and all values of each piece were written.
+    unsafe { values.set_len(count) };
+    (done, Some(values))
+}
+
 /// Calls `work` with each of `values` and its number.
 pub fn each_mut<T: Send>(values: &mut [T], work: impl Fn(usize, &mut T) + Sync) {
     let part = part_of(values.len());
@@ -209,6 +255,40 @@ mod tests {
 
             let joined = reduce_numbers(count.min(5000), String::new(), |i| format!("{i},"), |a, b| a + &b);
             assert_eq!(joined, (0..count.min(5000)).map(|i| format!("{i},")).collect::<String>());
+        });
+    }
+
+    #[test]
+    fn rooms_are_full_once_all_pieces_have_come() {
+        everywhere(|count| {
+            let length = 100;
+            let starts = || (0..count).step_by(length);
+            let values = |first: usize| (first..count.min(first + length)).map(|i| 3 * i);
+            let all: Vec<usize> = (0..count).map(|i| 3 * i).collect();
+            let put_all = |room: &Room<usize>| each(starts(), |first| room.put(first, values(first)));
+            assert_eq!(filled((count, length), put_all).1, Some(all.clone()));
+            // Wrong values before the right ones, and several pieces at a time.
+            let put_twice = |room: &Room<usize>| {
+                room.put(0, (0..count).rev());
+                put_all(room);
+            };
+            assert_eq!(filled((count, length), put_twice).1, Some(all.clone()));
+            if count < 2 {
+                return;
+            }
+            // What comes in parts of pieces only takes the place of others.
+            let put_halves = |room: &Room<usize>| {
+                room.put(0, all[..count / 2].iter().copied());
+                room.put(count / 2, all[count / 2..].iter().copied());
+            };
+            assert_eq!(filled((count, length), put_halves).1.is_some(), (count / 2).is_multiple_of(length));
+            let put_wrong_first = |room: &Room<usize>| {
+                room.put(0, std::iter::repeat_n(7, count));
+                put_halves(room);
+            };
+            assert_eq!(filled((count, length), put_wrong_first).1, Some(all.clone()));
+            let all_but_the_last = |room: &Room<usize>| room.put(0, all[..count - 1].iter().copied());
+            assert_eq!(filled((count, length), all_but_the_last).1, None);
         });
     }
 

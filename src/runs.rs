@@ -30,6 +30,7 @@ use crate::reference::extreme::TracingBatch;
 use crate::renderer::Part;
 use crate::several::Pace;
 use crate::shared::Hit;
+use crate::streamed::{TakeHits, WorldRay, stream_hits, take_hits};
 use crate::tracer::{AllHits, AllHitsJob, Backend, ExtremeRay, Progress, TraceJob, TraceResult, is_hit};
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
@@ -117,27 +118,63 @@ pub enum RunRays<'a> {
     OnDemand(&'a RaysOnDemand<'a>),
 }
 
-/// Rays that are made when they are traced, always in the same memory: new memory is cleared first, page by page, which
-/// takes as long as to make the rays.
+/// Rays that are made when they are traced: where a device takes them, or always in the same memory, as new memory is
+/// cleared first, page by page, which takes as long as to make the rays.
 pub struct RaysOnDemand<'a> {
-    /// Makes those of a range, without secondary rays, in the memory of others.
-    make: &'a (dyn Fn(&mut TracingBatch, Range<usize>) + Sync),
+    /// Makes each by its number, in world units; no secondary rays.
+    ray: &'a (dyn Fn(usize) -> WorldRay + Sync),
+    /// Takes their hits, if they are not wanted as answers.
+    take: Option<TakeHits<'a>>,
     /// Memory of such that have been traced.
     traced: Mutex<Vec<TracingBatch>>,
 }
 
 impl<'a> RaysOnDemand<'a> {
-    /// Of what makes the rays of a range in the memory of others.
-    pub fn new(make: &'a (dyn Fn(&mut TracingBatch, Range<usize>) + Sync)) -> RaysOnDemand<'a> {
-        RaysOnDemand { make, traced: Mutex::default() }
+    /// Of what makes each ray by its number: origin, direction, `t_min` and `t_max`, in world units.
+    pub fn new(ray: &'a (dyn Fn(usize) -> WorldRay + Sync)) -> RaysOnDemand<'a> {
+        RaysOnDemand { ray, take: None, traced: Mutex::default() }
     }
 
-    fn with<T>(&self, rays: Range<usize>, work: impl FnOnce(&TracingBatch) -> T) -> T {
+    /// The same of rays whose hits `take` is given, by many threads and in any order, while others are traced: the
+    /// number of the first ray, and the hits of some. Where several devices trace the same run, they come more than
+    /// once. Answers, and what was found, are empty.
+    pub fn taken_by(ray: &'a (dyn Fn(usize) -> WorldRay + Sync), take: TakeHits<'a>) -> RaysOnDemand<'a> {
+        RaysOnDemand { take: Some(take), ..RaysOnDemand::new(ray) }
+    }
+
+    /// Origin and direction of one.
+    pub fn given(&self, number: usize) -> (Vec3, Vec3) {
+        let (origin, direction, ..) = (self.ray)(number);
+        (origin, direction)
+    }
+
+    fn with<T>(&self, buffers: &SceneBuffers, rays: Range<usize>, work: impl FnOnce(&TracingBatch) -> T) -> T {
         let mut batch = lock(&self.traced).pop().unwrap_or_default();
-        (self.make)(&mut batch, rays);
+        buffers.batch_into(&mut batch, rays.len(), |i| (self.ray)(rays.start + i), None);
         let done = work(&batch);
         lock(&self.traced).push(batch);
         done
+    }
+
+    /// Traces some and has their hits taken by `take`; what that took.
+    fn trace_taken(
+        &self,
+        (tracer, buffers): (&mut dyn Backend, &SceneBuffers),
+        (rays, any_hit): (Range<usize>, bool),
+        take: TakeHits,
+        progress: Progress,
+    ) -> Result<TraceResult> {
+        let ray = |i| (self.ray)(rays.start + i);
+        let take_later = |first: usize, hits: &[Hit]| take(rays.start + first, hits);
+        let given = (rays.len(), ray);
+        if let Some(took) = stream_hits((&mut *tracer, buffers), given, any_hit, &take_later, progress)? {
+            return Ok(took);
+        }
+        self.with(buffers, rays.clone(), |batch| {
+            let mut result = tracer.trace(&batch.job(any_hit, 1), progress)?;
+            take_hits(take, rays.start, &std::mem::take(&mut result.hits));
+            Ok(result)
+        })
     }
 }
 
@@ -226,6 +263,14 @@ pub struct TracedRuns {
     pub took: Took,
 }
 
+impl TracedRuns {
+    /// Of one hit of each ray.
+    fn of(result: TraceResult, (runs, now): (Runs, Range<usize>)) -> TracedRuns {
+        let found = result.hits.chunks(runs.length).map(Found::of_hits).collect();
+        TracedRuns { runs: now, found, took: Took::of(&result), answers: Answers::of(result) }
+    }
+}
+
 /// Traces the `wanted` runs of a batch, in ascending order, and hands them to `done` as soon as they are finished.
 ///
 /// # Errors
@@ -304,9 +349,14 @@ impl BatchJob<'_> {
                 };
                 self.trace_job(tracer, &job, (runs, now), progress)
             }
-            RunRays::OnDemand(made) => {
-                made.with(rays, |batch| self.trace_job(tracer, &batch.job(any_hit, 1), (runs, now), progress))
-            }
+            RunRays::OnDemand(made) => match made.take.filter(|_| self.asked.most().is_none()) {
+                Some(take) => made
+                    .trace_taken(tracer, (rays, any_hit), take, progress)
+                    .map(|took| TracedRuns::of(took, (runs, now))),
+                None => made.with(tracer.1, rays, |batch| {
+                    self.trace_job(tracer, &batch.job(any_hit, 1), (runs, now), progress)
+                }),
+            },
         }
     }
 
@@ -318,9 +368,7 @@ impl BatchJob<'_> {
         progress: Progress,
     ) -> Result<TracedRuns> {
         let Some(most) = self.asked.most() else {
-            let result = tracer.trace(job, progress)?;
-            let found = result.hits.chunks(runs.length).map(Found::of_hits).collect();
-            return Ok(TracedRuns { runs: now, found, took: Took::of(&result), answers: Answers::of(result) });
+            return Ok(TracedRuns::of(tracer.trace(job, progress)?, (runs, now)));
         };
         let wants_hits = self.asked != Asked::Count;
         let job = AllHitsJob { most, wants_hits, budget: Some(self.budget), ..AllHitsJob::of(job) };

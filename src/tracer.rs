@@ -80,6 +80,28 @@ pub struct TraceResult {
     pub extreme_s: Option<f64>,
 }
 
+/// A batch whose rays are made where the device reads them, and whose hits are taken where it writes them. Rays are
+/// made and hits taken by many threads, each once, in pieces of [`RayStream::PIECE`] rays from a multiple of that on;
+/// the last piece may have fewer.
+pub struct RayStream<'a> {
+    /// How many rays there are.
+    pub count: usize,
+    /// As [`TraceJob::any_hit`].
+    pub any_hit: bool,
+    /// Makes the rays from a number on, as many as there are places, in tracing space.
+    pub make: &'a (dyn Fn(usize, &mut [TraceRay]) + Sync),
+    /// Is told of a ray, by its number, whose hit is still open, before hits are taken of which that is one: all such
+    /// rays are to be traced by [`Backend::trace`], once the stream has ended.
+    pub defer: &'a (dyn Fn(usize, &TraceRay) + Sync),
+    /// Takes the hits of the rays from a number on.
+    pub take: &'a (dyn Fn(usize, &[Hit]) + Sync),
+}
+
+impl RayStream<'_> {
+    /// Rays of a piece.
+    pub const PIECE: usize = 1 << 12;
+}
+
 /// A rendered picture and what it took.
 #[derive(Debug, Clone)]
 pub struct RenderResult {
@@ -409,6 +431,16 @@ pub trait Backend: Send {
     /// # Errors
     /// The device failed or cannot hold the batch.
     fn trace(&mut self, job: &TraceJob, progress: Progress) -> Result<TraceResult>;
+
+    /// Traces a stream of rays, if the tracer is sooner done so than by [`Backend::trace`]. The seconds of device time
+    /// that it took; `None`: whatever hits were taken count for nothing.
+    ///
+    /// # Errors
+    /// As [`Backend::trace`].
+    fn trace_stream(&mut self, stream: &RayStream, progress: Progress) -> Result<Option<f64>> {
+        let _ = (stream, progress);
+        Ok(None)
+    }
 
     /// Finds all hits of the rays of a batch, in the order of the job.
     ///

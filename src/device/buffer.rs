@@ -198,21 +198,13 @@ impl<T: Pod> Buffer<T> {
 
     /// Overwrites the first bytes through pinned memory.
     fn write_by_parts(&self, staging: &mut Staging, bytes: &[u8]) -> Result<()> {
-        let Memory { raw, context, .. } = &*self.memory;
         let mut flights = [const { None }; 2];
         let sent = bytes.chunks(PART_BYTES).enumerate().try_for_each(|(number, bytes)| -> Result<()> {
             // What was there before is to be on the device.
             landed(&mut flights[number % 2])?;
-            staging.fill(number, bytes);
-            let (queue, part) = (context.0.queue.get(), staging.part(number).cast());
-            let watched = context.watch("clEnqueueWriteBuffer");
-            // SAFETY: nobody touches the part until the event is waited for, and the bytes fit.
-            let event = unsafe {
-                enqueue_write_buffer(queue, raw.get(), CL_FALSE, number * PART_BYTES, bytes.len(), part, 0, ptr::null())
-            };
-            drop(watched);
-            let event = event.map(opencl3::event::Event::new).map_err(ClError);
-            flights[number % 2] = Some(self.flight("clEnqueueWriteBuffer", event)?);
+            let part = staging.fill(number, bytes);
+            // SAFETY: nobody touches the part until the event is waited for.
+            flights[number % 2] = Some(unsafe { self.write_bytes(number * PART_BYTES, part) }?);
             Ok(())
         });
         // The device may still have parts where something failed.
@@ -225,23 +217,14 @@ impl<T: Pod> Buffer<T> {
     where
         T: Send + Sync,
     {
-        let Memory { raw, context, .. } = &*self.memory;
         let (mut all, mut flights) = (Vec::with_capacity(self.len), [const { None }; 2]);
         let most = PART_BYTES / size_of::<T>();
         let count = |number: usize| most.min(self.len.saturating_sub(number * most));
         let fetch = |staging: &mut Staging, number: usize, flight: &mut Option<Event>| -> Result<()> {
-            let bytes = count(number) * size_of::<T>();
-            if bytes == 0 {
-                return Ok(());
+            if count(number) > 0 {
+                // SAFETY: nobody touches the part until the event is waited for.
+                *flight = Some(unsafe { self.begin_read(number * most, staging.part(number, count(number))) }?);
             }
-            // SAFETY: nobody touches the part until the event is waited for, and the range is inside the buffer.
-            let event = unsafe {
-                let part = std::slice::from_raw_parts_mut(staging.part(number), bytes);
-                let _watched = context.watch("clEnqueueReadBuffer");
-                let offset = number * most * size_of::<T>();
-                context.0.queue.enqueue_read_buffer(raw, CL_FALSE, offset, part, &[])
-            };
-            *flight = Some(self.flight("clEnqueueReadBuffer", event)?);
             Ok(())
         };
         let mut fetched = fetch(staging, 0, &mut flights[0]);
@@ -251,13 +234,73 @@ impl<T: Pod> Buffer<T> {
             fetched = fetch(staging, number + 1, &mut flights[(number + 1) % 2])
                 .and_then(|()| landed(&mut flights[number % 2]));
             if fetched.is_ok() {
-                let part = staging.elements(number, count(number));
+                let part = staging.part(number, count(number));
                 parallel::extend(&mut all, part.len(), |i| convert(part[i]));
                 number += 1;
             }
         }
         let [first, second] = flights.each_mut().map(landed);
         fetched.and(first).and(second).map(|()| all)
+    }
+
+    /// Begins to overwrite the first elements with `data`, which lies in pinned memory.
+    ///
+    /// # Errors
+    /// [`Error::OpenCl`] when the driver fails.
+    ///
+    /// # Safety
+    /// Nobody writes `data`, and it stays where it is, until the event is waited for.
+    ///
+    /// # Panics
+    /// When `data` is longer than the buffer.
+    pub(super) unsafe fn begin_write(&self, data: &[T]) -> Result<Event> {
+        assert!(data.len() <= self.len, "{} elements are too many for {}", data.len(), self.memory.what);
+        // SAFETY: as above.
+        unsafe { self.write_bytes(0, bytemuck::cast_slice(data)) }
+    }
+
+    /// Begins to write bytes from an offset on, where there is room for them.
+    ///
+    /// # Safety
+    /// As [`Buffer::begin_write`].
+    unsafe fn write_bytes(&self, offset: usize, bytes: &[u8]) -> Result<Event> {
+        let Memory { raw, context, .. } = &*self.memory;
+        let watched = context.watch("clEnqueueWriteBuffer");
+        // SAFETY: the bytes stay what they are and where they are, and they fit.
+        let event = unsafe {
+            let (queue, data) = (context.0.queue.get(), bytes.as_ptr().cast_mut().cast());
+            enqueue_write_buffer(queue, raw.get(), CL_FALSE, offset, bytes.len(), data, 0, ptr::null())
+        };
+        drop(watched);
+        self.flight("clEnqueueWriteBuffer", event.map(opencl3::event::Event::new).map_err(ClError))
+    }
+
+    /// Begins to read the elements from number `first` on into `data`, which lies in pinned memory.
+    ///
+    /// # Errors
+    /// [`Error::OpenCl`] when the driver fails.
+    ///
+    /// # Safety
+    /// Nobody touches `data`, and it stays where it is, until the event is waited for.
+    ///
+    /// # Panics
+    /// When the range ends after the buffer.
+    pub(super) unsafe fn begin_read(&self, first: usize, data: &mut [T]) -> Result<Event> {
+        self.check_range(first, data.len());
+        let Memory { raw, context, .. } = &*self.memory;
+        let offset = first * size_of::<T>();
+        let watched = context.watch("clEnqueueReadBuffer");
+        // SAFETY: nobody else has the memory, and the range is inside the buffer.
+        let event =
+            unsafe { context.0.queue.enqueue_read_buffer(raw, CL_FALSE, offset, bytemuck::cast_slice_mut(data), &[]) };
+        drop(watched);
+        self.flight("clEnqueueReadBuffer", event)
+    }
+
+    /// Panics where the buffer has not so many elements from number `first` on.
+    fn check_range(&self, first: usize, count: usize) {
+        let fits = first.checked_add(count).is_some_and(|end| end <= self.len);
+        assert!(fits, "{count} elements from {first} on are not in the {} of {}", self.len, self.memory.what);
     }
 
     /// A transfer that was begun.
@@ -344,8 +387,7 @@ impl<T: Pod> Buffer<T> {
     /// # Panics
     /// When the range ends after the buffer.
     pub fn read_into(&self, first: usize, data: &mut [T]) -> Result<()> {
-        let fits = first.checked_add(data.len()).is_some_and(|end| end <= self.len);
-        assert!(fits, "{} elements from {first} on are not in the {} of {}", data.len(), self.len, self.memory.what);
+        self.check_range(first, data.len());
         if data.is_empty() {
             return Ok(());
         }

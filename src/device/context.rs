@@ -4,7 +4,7 @@ use super::errors::cl_error;
 use super::handle::Owned;
 use super::kept_programs::KeptPrograms;
 use super::owner::Owner;
-use super::staging::{PART_BYTES, Staging};
+use super::staging::{STAGING_BYTES, Staging};
 use super::watchdog::{Limit, Watched, watch};
 use crate::device_info::{DeviceInfo, DeviceKind};
 use crate::error::{Error, Result};
@@ -64,10 +64,14 @@ static SHARED: Mutex<Vec<(usize, Weak<Shared>)>> = Mutex::new(Vec::new());
 #[derive(Debug, Clone)]
 pub struct DeviceContext(pub(super) Arc<Opened>);
 
+/// Pinned memory, once there is some.
+type Pinned = Mutex<Option<Staging>>;
+
 #[derive(Debug)]
 pub(super) struct Opened {
-    /// Memory for large transfers, once it pays; released first.
-    staging: Mutex<Option<Staging>>,
+    /// Memory for large transfers, and for what streams, once it pays; released first.
+    staging: Pinned,
+    streaming: Pinned,
     /// From how many bytes on that is so, and how many were transferred.
     staged_from: AtomicU64,
     transferred: AtomicU64,
@@ -86,8 +90,10 @@ pub(super) struct Opened {
 
 impl Drop for Opened {
     fn drop(&mut self) {
-        let staging = self.staging.get_mut().unwrap_or_else(PoisonError::into_inner).take();
-        staging.into_iter().for_each(|staging| staging.release(&self.queue));
+        for pinned in [&mut self.staging, &mut self.streaming] {
+            let memory = pinned.get_mut().unwrap_or_else(PoisonError::into_inner).take();
+            memory.into_iter().for_each(|memory| memory.release(&self.queue));
+        }
     }
 }
 
@@ -95,7 +101,7 @@ impl Drop for Opened {
 /// it.
 const STAGED_FROM: u64 = 128 << 20;
 /// What is a large transfer.
-const LEAST_STAGED: usize = 2 * PART_BYTES;
+const LEAST_STAGED: usize = STAGING_BYTES;
 
 /// What those share who have the same device open.
 #[derive(Debug)]
@@ -162,7 +168,8 @@ impl DeviceContext {
         let gains = info.kind == DeviceKind::Gpu && handle.device.host_unified_memory() == Ok(false);
         drop(watched);
         Ok(DeviceContext(Arc::new(Opened {
-            staging: Mutex::default(),
+            staging: Pinned::default(),
+            streaming: Pinned::default(),
             staged_from: AtomicU64::new(if gains { STAGED_FROM } else { u64::MAX }),
             transferred: AtomicU64::new(0),
             queue,
@@ -199,7 +206,25 @@ impl DeviceContext {
 
     /// Has `transfer` done through pinned memory, if that is sooner for so many bytes; else it is not called.
     pub(super) fn staged<T>(&self, bytes: usize, transfer: impl FnOnce(&mut Staging) -> T) -> Option<T> {
-        let Opened { staging, staged_from, transferred, queue, shared, owner, .. } = &*self.0;
+        self.pinned(&self.0.staging, (STAGING_BYTES, bytes), transfer)
+    }
+
+    /// The same with so much pinned memory of its own.
+    pub(super) fn streamed<T>(
+        &self,
+        memory_and_bytes: (usize, usize),
+        stream: impl FnOnce(&mut Staging) -> T,
+    ) -> Option<T> {
+        self.pinned(&self.0.streaming, memory_and_bytes, stream)
+    }
+
+    fn pinned<T>(
+        &self,
+        pinned: &Pinned,
+        (memory, bytes): (usize, usize),
+        transfer: impl FnOnce(&mut Staging) -> T,
+    ) -> Option<T> {
+        let Opened { staged_from, transferred, queue, shared, owner, .. } = &*self.0;
         if bytes < LEAST_STAGED {
             return None;
         }
@@ -207,16 +232,16 @@ impl DeviceContext {
         if all < staged_from.load(Ordering::Relaxed) {
             return None;
         }
-        let mut staging = staging.lock().unwrap_or_else(PoisonError::into_inner);
-        if staging.is_none() {
-            *staging = Staging::new(&shared.context, queue, owner);
+        let mut pinned = pinned.lock().unwrap_or_else(PoisonError::into_inner);
+        if pinned.is_none() {
+            *pinned = Staging::new(&shared.context, queue, owner, memory);
         }
-        let Some(staging) = &mut *staging else {
+        let Some(memory) = &mut *pinned else {
             // The driver does not: nobody asks again.
             staged_from.store(u64::MAX, Ordering::Relaxed);
             return None;
         };
-        Some(transfer(staging))
+        Some(transfer(memory))
     }
 
     /// Forgets compiled programs, so that the next ones are compiled, or loaded from a cache, as by a new process.

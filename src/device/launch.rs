@@ -1,6 +1,6 @@
 //! How many work-items one launch may have, and passing arguments to kernels.
 
-use super::{Buffer, DeviceContext, DeviceInfo, DeviceKind, Kernel, KernelArg};
+use super::{Buffer, DeviceContext, DeviceInfo, DeviceKind, Event, Kernel, KernelArg};
 use crate::error::Result;
 use crate::tracer::STOPPABLE_LAUNCH_S;
 use bytemuck::Pod;
@@ -174,30 +174,69 @@ pub(super) struct Shape {
     pub workers: Option<usize>,
 }
 
+impl Shape {
+    /// Launches have a multiple of so many items.
+    fn multiple(&self) -> usize {
+        self.work_group * self.items_of_one
+    }
+}
+
 /// Launches `kernel` over the items in parts, its last two arguments being the first item and the end of a part.
 /// Returns seconds of device time.
 pub(super) fn launch(
     kernel: &mut Kernel,
     plan: &mut LaunchPlan,
-    Shape { items: all, work_group, items_of_one, workers }: Shape,
+    shape: Shape,
     mut progress: impl FnMut(usize),
 ) -> Result<f64> {
-    let bounds = kernel.arg_count() - 2;
     let mut seconds = 0.0;
-    let mut first = all.start;
-    while first < all.end {
-        let items = plan.next(all.end - first, work_group * items_of_one);
-        kernel.set_arg(bounds, first as u32)?;
-        kernel.set_arg(bounds + 1, (first + items) as u32)?;
-        let work_items = workers.unwrap_or(items.div_ceil(items_of_one));
-        let event = kernel.launch(&[work_items.next_multiple_of(work_group)], Some(&[work_group]))?;
-        let launch_s = event.estimated(plan.estimate(items)).wait()?;
-        plan.learn(items, launch_s);
+    launch_parts(kernel, plan, &shape, |items, launch_s| {
         seconds += launch_s;
-        first += items;
         progress(items);
-    }
+    })?;
     Ok(seconds)
+}
+
+/// The same; if the plan has all items in one launch, that is begun alone, and the plan is to learn later how long it
+/// took. Of other launches `done` is told, with the items and the seconds of each.
+pub(super) fn begin_launch(
+    kernel: &mut Kernel,
+    plan: &mut LaunchPlan,
+    shape: Shape,
+    done: impl FnMut(usize, f64),
+) -> Result<Option<Event>> {
+    let all = shape.items.len();
+    if plan.next(all, shape.multiple()) == all {
+        return begin(kernel, plan, &shape, shape.items.clone()).map(Some);
+    }
+    launch_parts(kernel, plan, &shape, done)?;
+    Ok(None)
+}
+
+fn launch_parts(
+    kernel: &mut Kernel,
+    plan: &mut LaunchPlan,
+    shape: &Shape,
+    mut done: impl FnMut(usize, f64),
+) -> Result<()> {
+    let mut first = shape.items.start;
+    while first < shape.items.end {
+        let items = plan.next(shape.items.end - first, shape.multiple());
+        let launch_s = begin(kernel, plan, shape, first..first + items)?.wait()?;
+        plan.learn(items, launch_s);
+        first += items;
+        done(items, launch_s);
+    }
+    Ok(())
+}
+
+fn begin(kernel: &mut Kernel, plan: &LaunchPlan, shape: &Shape, items: Range<usize>) -> Result<Event> {
+    let bounds = kernel.arg_count() - 2;
+    kernel.set_arg(bounds, items.start as u32)?;
+    kernel.set_arg(bounds + 1, items.end as u32)?;
+    let work_items = shape.workers.unwrap_or(items.len().div_ceil(shape.items_of_one));
+    let event = kernel.launch(&[work_items.next_multiple_of(shape.work_group)], Some(&[shape.work_group]))?;
+    Ok(event.estimated(plan.estimate(items.len())))
 }
 
 #[cfg(test)]

@@ -55,6 +55,7 @@ mod scene;
 mod select;
 mod source;
 mod staging;
+mod stream;
 mod tracer;
 mod watchdog;
 mod wavefront;

@@ -4,8 +4,10 @@
 use super::deferred::Deferred;
 use super::definitions::Definitions;
 use super::entry::{Entry, Pass, files_with};
-use super::launch::{FIRST_ITEMS, LaunchPlan, Shape, launch};
-use super::{Cache, CompileOptions, DeviceContext, DeviceInfo, DeviceKind, Kernel, Program, ProgramSource, build};
+use super::launch::{FIRST_ITEMS, LaunchPlan, Shape, begin_launch, launch};
+use super::{
+    Cache, CompileOptions, DeviceContext, DeviceInfo, DeviceKind, Event, Kernel, Program, ProgramSource, build,
+};
 use crate::error::Result;
 use std::ops::Range;
 
@@ -117,35 +119,69 @@ impl Passes {
     ) -> Result<f64> {
         let kernel = self.kernel(context, Pass::First, entry)?;
         set(kernel)?;
-        let units = (context.info().compute_units as usize).max(1);
-        // A work-group has as many items whatever a work-item has of them, if it has not more: what these keep shall
-        // stay in cache.
-        let shape = |items, entry: Entry| {
-            let items_of_one = entry.items_of_one();
-            let workers = entry.has_queue().then_some(WORKERS_OF_UNIT * units);
-            Shape { items, work_group: work_group.div_ceil(items_of_one), items_of_one, workers }
-        };
-        let mut seconds = launch(kernel, plan, shape(items, entry), &mut progress)?;
+        let seconds = launch(kernel, plan, shape_of(context, entry, items, work_group), &mut progress)?;
         if !self.defers() {
             return Ok(seconds);
         }
+        Ok(seconds + self.run_second(context, entry, set, deferred, work_group, || progress(0))?)
+    }
+
+    /// The first pass of [`Passes::run`], without waiting for it if it is one launch. Of others `done` is told, with
+    /// the items and the seconds of each.
+    pub fn begin_first(
+        &mut self,
+        context: &DeviceContext,
+        entry: Entry,
+        set: &dyn Fn(&mut Kernel) -> Result<()>,
+        plan: &mut LaunchPlan,
+        (items, work_group): (usize, usize),
+        done: impl FnMut(usize, f64),
+    ) -> Result<Option<Event>> {
+        let kernel = self.kernel(context, Pass::First, entry)?;
+        set(kernel)?;
+        begin_launch(kernel, plan, shape_of(context, entry, 0..items, work_group), done)
+    }
+
+    /// Traces what the first pass has deferred again; `progress` is called after each launch. Returns seconds of device
+    /// time.
+    fn run_second(
+        &mut self,
+        context: &DeviceContext,
+        entry: Entry,
+        set: &dyn Fn(&mut Kernel) -> Result<()>,
+        deferred: &Deferred,
+        work_group: usize,
+        mut progress: impl FnMut(),
+    ) -> Result<f64> {
         let count = deferred.take_count()?;
-        if count > 0 {
-            let kernel = self.kernel(context, Pass::Second, entry.second())?;
-            set(kernel)?;
-            // How long such items take is not known from the others. The first launch takes most lists whole: a small
-            // one would leave a GPU idle for as long as its slowest item takes. Nor are items put into one work-group
-            // while units are free: each would wait for whatever exact integers the others compute. On CPUs never: what
-            // such items do in a row takes as long in one work-group as in several, and PoCL compiles a kernel anew for
-            // each size of a work-group, which takes a second.
-            let kind = context.info().kind;
-            let mut plan = LaunchPlan::on(context, FIRST_ITEMS);
-            let most = if kind == DeviceKind::Cpu { 1 } else { work_group };
-            let work_group = (count / (SECOND_GROUPS_OF_UNIT * units)).clamp(1, most);
-            let shape = Shape { work_group, ..shape(0..count, entry.second()) };
-            seconds += launch(kernel, &mut plan, shape, |_| progress(0))?;
-            deferred.items.write(&[0])?;
+        if count == 0 {
+            return Ok(0.0);
         }
+        let kernel = self.kernel(context, Pass::Second, entry.second())?;
+        set(kernel)?;
+        // How long such items take is not known from the others. The first launch takes most lists whole: a small one
+        // would leave a GPU idle for as long as its slowest item takes. Nor are items put into one work-group while
+        // units are free: each would wait for whatever exact integers the others compute. On CPUs never: what such
+        // items do in a row takes as long in one work-group as in several, and PoCL compiles a kernel anew for each
+        // size of a work-group, which takes a second.
+        let mut plan = LaunchPlan::on(context, FIRST_ITEMS);
+        let most = if context.info().kind == DeviceKind::Cpu { 1 } else { work_group };
+        let work_group = (count / (SECOND_GROUPS_OF_UNIT * units_of(context))).clamp(1, most);
+        let shape = Shape { work_group, ..shape_of(context, entry.second(), 0..count, work_group) };
+        let seconds = launch(kernel, &mut plan, shape, |_| progress())?;
+        deferred.items.write(&[0])?;
         Ok(seconds)
     }
+}
+
+fn units_of(context: &DeviceContext) -> usize {
+    (context.info().compute_units as usize).max(1)
+}
+
+/// A work-group has as many items whatever a work-item has of them, if it has not more: what these keep shall stay in
+/// cache.
+fn shape_of(context: &DeviceContext, entry: Entry, items: Range<usize>, work_group: usize) -> Shape {
+    let items_of_one = entry.items_of_one();
+    let workers = entry.has_queue().then_some(WORKERS_OF_UNIT * units_of(context));
+    Shape { items, work_group: work_group.div_ceil(items_of_one), items_of_one, workers }
 }

@@ -4,9 +4,10 @@
 //! caller's ray was: only the order changes.
 
 use crate::shared::{TILE_SIDE, TraceRay};
+use std::ops::RangeInclusive;
 
 /// Rows shorter than this gain nothing, and no image has longer ones than this.
-const LENGTHS: std::ops::RangeInclusive<usize> = 32..=1 << 14;
+const LENGTHS: RangeInclusive<usize> = 32..=1 << 14;
 /// How many rays are asked where the row below them is.
 const ASKED: usize = 8;
 /// So many of them must say the same: rays may be those of an image that hit something, of which only some rows are
@@ -26,19 +27,34 @@ pub(super) struct Rows {
 }
 
 impl Rows {
-    /// Finds the rows of `rays`, in microseconds.
+    /// Finds the rows of `rays`. Of long rows that takes half a millisecond.
     pub fn find(rays: &[TraceRay]) -> Rows {
-        let side = TILE_SIDE as usize;
-        let from = |i: usize| rays.len() * (2 * i + 1) / (2 * ASKED);
-        let lengths: Vec<usize> = (0..ASKED).filter_map(|i| length_below(rays, from(i))).collect();
+        let lengths: Vec<usize> = asked(rays).filter_map(|from| length_below(rays, from, LENGTHS)).collect();
         let votes = |length: &usize| lengths.iter().filter(|&other| other == length).count();
         let most = lengths.iter().copied().max_by_key(votes);
-        let is_good = |length: &usize| length.is_multiple_of(side) && votes(length) >= AGREE;
-        most.filter(is_good).map_or(Rows::default(), |length| {
-            let band = side * length;
-            Rows { length: length as u32, in_bands: (rays.len() / band * band) as u32 }
-        })
+        let is_good = |length: &usize| length.is_multiple_of(TILE_SIDE as usize) && votes(length) >= AGREE;
+        most.filter(is_good).map_or(Rows::default(), |length| Rows::of_length(rays, length))
     }
+
+    /// The same of rays that come after others with such rows: if theirs are as long, that is seen in microseconds.
+    pub fn find_after(self, rays: &[TraceRay]) -> Rows {
+        let length = self.length as usize;
+        let near = length.saturating_sub(2 * NEIGHBOURS as usize)..=length;
+        let agree = |&from: &usize| length_below(rays, from, near.clone()) == Some(length);
+        let are_as_long = length > 0 && asked(rays).filter(agree).count() >= AGREE;
+        if are_as_long { Rows::of_length(rays, length) } else { Rows::find(rays) }
+    }
+
+    fn of_length(rays: &[TraceRay], length: usize) -> Rows {
+        let band = TILE_SIDE as usize * length;
+        Rows { length: length as u32, in_bands: (rays.len() / band * band) as u32 }
+    }
+}
+
+/// The rays that are asked.
+fn asked(rays: &[TraceRay]) -> impl Iterator<Item = usize> {
+    let count = rays.len();
+    (0..ASKED).map(move |i| count * (2 * i + 1) / (2 * ASKED))
 }
 
 /// How far two rays are from each other: squares of the distances of their origins and of their unit directions.
@@ -48,8 +64,8 @@ fn distances(a: &TraceRay, b: &TraceRay) -> [f32; 2] {
 }
 
 /// After how many rays there is one beside ray `from` that is no neighbour in its row, if the row is even there: the
-/// row's length.
-fn length_below(rays: &[TraceRay], from: usize) -> Option<usize> {
+/// row's length, if it is one of `lengths` or little more.
+fn length_below(rays: &[TraceRay], from: usize, lengths: RangeInclusive<usize>) -> Option<usize> {
     let ray = rays.get(from)?;
     let to = |offset: usize| rays.get(from + offset).map(|other| distances(ray, other));
     let [one, eight] = [to(1)?, to(8)?];
@@ -59,7 +75,7 @@ fn length_below(rays: &[TraceRay], from: usize) -> Option<usize> {
         return None;
     }
     let is_near = |d: &[f32; 2]| (0..2).all(|i| d[i] <= NEIGHBOURS * NEIGHBOURS * one[i]);
-    let first = LENGTHS.into_iter().find(|&offset| to(offset).is_none_or(|d| is_near(&d)))?;
+    let first = lengths.into_iter().find(|&offset| to(offset).is_none_or(|d| is_near(&d)))?;
     // The nearest of those beside it.
     let sum = |d: [f32; 2]| (0..2).filter(|&i| one[i] > 0.0).map(|i| d[i] / one[i]).sum::<f32>();
     let candidates = (first..first + 2 * NEIGHBOURS as usize).filter_map(|offset| Some((offset, sum(to(offset)?))));
@@ -100,6 +116,24 @@ mod tests {
         let parallel: Vec<_> =
             (0..128 * 100).map(|i| ray(Vec3::new((i % 128) as f32, (i / 128) as f32, 0.0), Vec3::Z)).collect();
         assert_eq!(Rows::find(&parallel), Rows { length: 128, in_bands: 128 * 96 });
+    }
+
+    #[test]
+    fn rows_are_found_after_others() {
+        let (rays, others) = (camera(1920, 108, 1.0), camera(800, 600, 1.8));
+        let [rows, of_others] = [&rays, &others].map(|rays| Rows::find(rays));
+        // From the middle of a row on, as parts of a batch begin.
+        let later = &rays[4 * 1920 + 777..];
+        assert_eq!(
+            rows.find_after(later),
+            Rows { length: 1920, in_bands: (later.len() / (8 * 1920) * 8 * 1920) as u32 }
+        );
+        assert_eq!(rows.find_after(&others), of_others);
+        assert_eq!(of_others.find_after(&rays), rows);
+        assert_eq!(Rows::default().find_after(&rays), rows);
+        let same = vec![rays[0]; 4096];
+        assert_eq!(rows.find_after(&same), Rows::default());
+        assert_eq!(rows.find_after(&[]), Rows::default());
     }
 
     #[test]

@@ -19,15 +19,21 @@ use std::sync::Arc;
 
 /// Bytes that are transferred at a time.
 pub(super) const PART_BYTES: usize = 4 << 20;
+/// What is large enough for two such parts.
+pub(super) const STAGING_BYTES: usize = 2 * PART_BYTES;
+/// Elements are aligned to so many bytes at most.
+pub(super) const ALIGNMENT: usize = 128;
 /// What a core copies at a time.
 const COPIED_BYTES: usize = 1 << 18;
 
-/// Memory for two parts: one is filled or read by cores, while the device has the other.
+/// Memory that a device reads and writes by itself. It is for two parts: one is filled or read by cores, while the
+/// device has the other.
 #[derive(Debug)]
 pub(super) struct Staging {
     memory: Owned<Buffer<u8>>,
     /// Where the memory lies in the process, as long as it is mapped.
     at: *mut u8,
+    bytes: usize,
     owner: Arc<Owner>,
 }
 
@@ -35,9 +41,8 @@ pub(super) struct Staging {
 unsafe impl Send for Staging {}
 
 impl Staging {
-    /// Pins memory of a device; `None` where the driver does not.
-    pub fn new(context: &Context, queue: &CommandQueue, owner: &Arc<Owner>) -> Option<Staging> {
-        let bytes = 2 * PART_BYTES;
+    /// Pins so many bytes for a device; `None` where the driver does not.
+    pub fn new(context: &Context, queue: &CommandQueue, owner: &Arc<Owner>, bytes: usize) -> Option<Staging> {
         let _watched = watch(owner, "clEnqueueMapBuffer", Limit::Commands);
         let flags = CL_MEM_READ_WRITE | CL_MEM_ALLOC_HOST_PTR;
         // SAFETY: no host pointer is given.
@@ -48,9 +53,8 @@ impl Staging {
         let mapped =
             unsafe { queue.enqueue_map_buffer(&memory, CL_TRUE, CL_MAP_READ | CL_MAP_WRITE, 0, bytes, &mut at, &[]) };
         drop(Owned::new(mapped.ok()?, owner));
-        // Parts are read as elements of up to so many bytes.
-        let is_aligned = !at.is_null() && at.addr().is_multiple_of(128);
-        let staging = Staging { memory, at: at.cast(), owner: owner.clone() };
+        let is_aligned = !at.is_null() && at.addr().is_multiple_of(ALIGNMENT);
+        let staging = Staging { memory, at: at.cast(), bytes, owner: owner.clone() };
         if is_aligned {
             return Some(staging);
         }
@@ -71,27 +75,29 @@ impl Staging {
         drop(unmapped.map(|event| Owned::new(event, &self.owner)));
     }
 
-    /// Where a part lies, of number 0, 1, 2 and so on: every other one at the same place. The device may have it: who
-    /// looks at it waits before.
-    pub fn part(&mut self, number: usize) -> *mut u8 {
-        // SAFETY: within the memory, which has two parts.
-        unsafe { self.at.add(number % 2 * PART_BYTES) }
+    /// Elements that lie from a byte on. The device may have them: who looks at them waits before.
+    ///
+    /// # Panics
+    /// Where the memory has none there, or they would not be aligned.
+    pub fn elements<T: Pod>(&mut self, from: usize, count: usize) -> &mut [T] {
+        let is_inside = count.checked_mul(size_of::<T>()).is_some_and(|bytes| bytes <= self.bytes.saturating_sub(from));
+        assert!(is_inside && from.is_multiple_of(ALIGNMENT), "{count} elements from {from} of {}", self.bytes);
+        // SAFETY: within the memory, aligned as all elements are, and of a type of which all bits are values.
+        unsafe { std::slice::from_raw_parts_mut(self.at.add(from).cast(), count) }
     }
 
-    /// Fills a part, which the device has not, with at most [`PART_BYTES`].
-    pub fn fill(&mut self, number: usize, bytes: &[u8]) {
-        assert!(bytes.len() <= PART_BYTES, "{} bytes are more than a part", bytes.len());
-        // SAFETY: within the part, and nobody else has it.
-        let part = unsafe { std::slice::from_raw_parts_mut(self.part(number), bytes.len()) };
+    /// The same of a part, of number 0, 1, 2 and so on: every other one lies at the same place.
+    pub fn part<T: Pod>(&mut self, number: usize, count: usize) -> &mut [T] {
+        assert!(count * size_of::<T>() <= PART_BYTES, "{count} elements are more than a part");
+        self.elements(number % 2 * PART_BYTES, count)
+    }
+
+    /// Fills a part, which the device has not, with at most [`PART_BYTES`], and returns it.
+    pub fn fill(&mut self, number: usize, bytes: &[u8]) -> &[u8] {
+        let part = self.part(number, bytes.len());
         parallel::each(part.chunks_mut(COPIED_BYTES).zip(bytes.chunks(COPIED_BYTES)), |(to, from)| {
             to.copy_from_slice(from);
         });
-    }
-
-    /// The first elements of a part, which the device has not.
-    pub fn elements<T: Pod>(&mut self, number: usize, count: usize) -> &[T] {
-        assert!(count * size_of::<T>() <= PART_BYTES, "{count} elements are more than a part");
-        // SAFETY: within the part, which is aligned for all elements, and has been written by the device.
-        unsafe { std::slice::from_raw_parts(self.part(number).cast(), count) }
+        part
     }
 }

@@ -12,6 +12,7 @@ use super::picture::{Launches, PictureBuffers, RenderLists, Rendered, items_of};
 use super::points::PointProgram;
 use super::rows::Rows;
 use super::scene::DeviceScene;
+use super::stream::{PINNED_BYTES, StreamBuffers, Streaming, is_worth_streaming, transferred_bytes};
 use super::wavefront::WavefrontPipeline;
 use super::{Buffer, Cache, DeviceContext, DeviceHandle, DeviceInfo, DeviceKind, Kernel};
 use crate::blocks::Blocks;
@@ -19,15 +20,15 @@ use crate::error::{Error, Result};
 use crate::features::Features;
 use crate::io::film::Film;
 use crate::layout::Float4;
-use crate::options::{Decisions, Intersector, Kernels, Memory, PacketSize, TraceOptions};
+use crate::options::{Decisions, Intersector, Kernels, Memory, PacketSize, RayOrder, TraceOptions};
 use crate::pack::SceneBuffers;
 use crate::ray_order::trace_in_order;
 use crate::reference::ReferenceBackend;
 use crate::reference::extreme::{all_extreme, answer_extreme};
 use crate::shared::{CameraSample, Hit, Light, RenderParams};
 use crate::tracer::{
-    Adaptive, AllHits, AllHitsJob, Backend, Candidates, CandidatesJob, Progress, RenderResult, Spent, Task, TraceJob,
-    TraceResult, check_lights,
+    Adaptive, AllHits, AllHitsJob, Backend, Candidates, CandidatesJob, Progress, RayStream, RenderResult, Spent, Task,
+    TraceJob, TraceResult, check_lights,
 };
 use crate::work::{PixelWork, RayWork};
 use bytemuck::Pod;
@@ -79,6 +80,8 @@ pub struct OpenClBackend {
     adaptive: Option<AdaptiveProgram>,
     /// What finds triangles near points, once it was needed.
     points: Option<PointProgram>,
+    /// The device's memory of batches that stream, once there was one.
+    stream: Option<StreamBuffers>,
     buffers: Arc<SceneBuffers>,
     options: TraceOptions,
     trace_plan: LaunchPlan,
@@ -195,6 +198,7 @@ impl OpenClBackend {
             wavefront: None,
             adaptive: None,
             points: None,
+            stream: None,
             picture_plan: None,
             buffers: buffers.clone(),
             options: *options,
@@ -213,6 +217,13 @@ impl OpenClBackend {
     #[doc(hidden)]
     pub fn take_samples_apart(&mut self, apart: bool) {
         self.least_samples_apart = if apart { 2 } else { u32::MAX };
+    }
+
+    /// Has large transfers go through pinned memory, and batches stream, whatever the device. A GPU does so by itself
+    /// once it pays.
+    #[doc(hidden)]
+    pub fn stage_transfers(&self) {
+        self.context.stage_transfers();
     }
 
     /// Room for `count` work records, if the kernels count.
@@ -287,6 +298,36 @@ impl Backend for OpenClBackend {
             trace_in_order(job, &options, &buffers.params, pays, trial, |job| self.trace_batch(job, progress))?;
         answer_extreme(job, &options, &buffers, &mut result);
         Ok(result)
+    }
+
+    fn trace_stream(&mut self, stream: &RayStream, progress: Progress) -> Result<Option<f64>> {
+        let options = &self.options;
+        let keeps_order = match options.ray_order {
+            RayOrder::Kept => true,
+            RayOrder::Sorted => false,
+            RayOrder::Auto => !options.gains_by_sorted_rays(Some(self.context.info().kind)),
+        };
+        // What packets find of rays that are not exact depends on how these are cut into parts.
+        let is_own = options.packet_size == PacketSize::One || options.is_exact();
+        if !keeps_order || !is_own || options.counters || !is_worth_streaming(stream.count) {
+            return Ok(None);
+        }
+        self.prepare(Task::Batch)?;
+        let entry = Entry::of_batch(stream.any_hit, self.options.packet_size);
+        let OpenClBackend { context, scene, passes, trace_plan, work_group, stream: kept, .. } = self;
+        let memory_and_bytes = (PINNED_BYTES, transferred_bytes(stream.count));
+        let streamed = context.streamed(memory_and_bytes, |pinned| {
+            let known = kept.take().map_or_else(|| StreamBuffers::new(context, passes.defers()), Ok);
+            let buffers = match known {
+                Ok(buffers) => kept.insert(buffers),
+                Err(Error::TooLarge { .. }) => return Ok(None),
+                Err(error) => return Err(error),
+            };
+            let (plan, work_group, rows) = (trace_plan, *work_group, Rows::default());
+            let streaming = Streaming { context, scene, passes, plan, buffers, pinned, entry, work_group, rows };
+            streaming.run(stream, progress).map(Some)
+        });
+        streamed.unwrap_or(Ok(None))
     }
 
     fn trace_all(&mut self, job: &AllHitsJob, progress: Progress) -> Result<AllHits> {

@@ -1,6 +1,7 @@
 //! Rays and what they hit.
 
 use crate::shared;
+use crate::streamed::OfHit;
 use crate::tracer::is_hit;
 
 /// A ray with an interval of t: its points are `origin + t * direction`.
@@ -64,6 +65,19 @@ impl Hit {
     }
 }
 
+impl OfHit for Option<Hit> {
+    fn of(hit: &shared::Hit) -> Option<Hit> {
+        is_hit(hit).then(|| Hit::of(hit))
+    }
+}
+
+/// Whether there is any.
+impl OfHit for bool {
+    fn of(hit: &shared::Hit) -> bool {
+        is_hit(hit)
+    }
+}
+
 /// The closest hits of many rays, from [`Tracer::closest_hits_of`](crate::Tracer::closest_hits_of).
 #[derive(Debug, Clone, Default)]
 pub struct Hits(pub(super) Vec<shared::Hit>);
@@ -84,7 +98,6 @@ impl Hits {
     /// # Panics
     /// Where there is no such ray.
     pub fn get(&self, ray: usize) -> Option<Hit> {
-        let hit = &self.0[ray];
-        is_hit(hit).then(|| Hit::of(hit))
+        OfHit::of(&self.0[ray])
     }
 }

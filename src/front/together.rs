@@ -6,29 +6,23 @@ use crate::device::DeviceKind;
 use crate::error::Result;
 use crate::options::PacketSize;
 use crate::parallel::{self, lock, unlocked};
-use crate::reference::extreme::TracingBatch;
 use crate::renderer::{Picture, PictureBlocks, render_by_several};
 use crate::runs::{Asked, BatchJob, RUN_RAYS, RaysOnDemand, RunRays, Runs, TracedRuns, trace_by_several, trace_runs};
 use crate::shared::Hit;
-use crate::tracer::{AllHits, Finished, RenderResult, Spent};
-use bytemuck::zeroed_vec;
-use glam::Vec3;
-use std::ops::Range;
+use crate::streamed::{OfHit, WorldRay};
+use crate::tracer::{AllHits, Finished, RayStream, RenderResult, Spent};
 use std::sync::Mutex;
 
 /// Rays of a run on processors, whose memory is small enough to be taken again for the next one. On two cores 8 million
 /// rays in runs of 2^16 to 2^21 took 0.73, 0.72, 0.60, 0.60, 0.76 and 0.89 of the time that all at once took.
 const RUN_RAYS_ON_PROCESSOR: usize = 1 << 18;
-/// Hits that a core copies at a time.
-const COPIED_HITS: usize = 1 << 14;
-
-/// Rays in world units: origin, direction, `t_min` and `t_max` of each.
-type RayOf<'a> = &'a (dyn Fn(usize) -> (Vec3, Vec3, f32, f32) + Sync);
+/// The rays of a batch.
+type RayOf<'a> = &'a (dyn Fn(usize) -> WorldRay + Sync);
 
 impl Tracer {
     /// Whether a batch of so many rays is traced in runs, so that several devices share it, and a processor's cores go
-    /// over the same memory again and again. A GPU by itself is as soon ready with all rays at once. Hits that are not
-    /// exact may depend on which rays share a packet; those of a batch are traced together.
+    /// over the same memory again and again. Through a GPU by itself large batches stream. Hits that are not exact may
+    /// depend on which rays share a packet; those of a batch are traced together.
     pub(super) fn goes_in_runs(&self, rays: usize) -> bool {
         let options = &self.team.opening().options;
         let gains = self.team.is_several() || self.is_on_processor();
@@ -44,29 +38,20 @@ impl Tracer {
         if self.is_on_processor() { RUN_RAYS_ON_PROCESSOR } else { RUN_RAYS }
     }
 
-    /// One hit of each of `count` rays.
-    pub(super) fn hits_in_runs(&mut self, count: usize, ray: RayOf, asked: Asked) -> Result<Vec<Hit>> {
-        // Memory that is taken when it is written, by all cores.
-        let mut hits: Vec<Hit> = zeroed_vec(count);
-        let length = self.run_length();
-        let runs: Vec<_> = hits.chunks_mut(length).map(Mutex::new).collect();
-        self.trace_in_runs(count, ray, asked, &|traced| {
-            for (run, found) in runs[traced.runs].iter().zip(traced.answers.hits.chunks(length)) {
-                let mut run = lock(run);
-                parallel::each(run.chunks_mut(COPIED_HITS).zip(found.chunks(COPIED_HITS)), |(to, found)| {
-                    to.copy_from_slice(found);
-                });
-            }
-            Ok(())
-        })?;
-        drop(runs);
-        Ok(hits)
+    /// What is wanted of one hit of each of `count` rays.
+    pub(super) fn hits_in_runs<T: OfHit>(&mut self, count: usize, ray: RayOf, asked: Asked) -> Result<Vec<T>> {
+        let (traced, all) = parallel::filled((count, RayStream::PIECE), |room| {
+            let take = |first: usize, hits: &[Hit]| room.put(first, hits.iter().map(T::of));
+            self.trace_in_runs(count, &RaysOnDemand::taken_by(ray, &take), asked, &|_| Ok(()))
+        });
+        traced?;
+        Ok(all.expect("all runs were traced"))
     }
 
     /// How many hits each of `count` rays has, and, if they are asked for, which.
     pub(super) fn all_hits_in_runs(&mut self, count: usize, ray: RayOf, asked: Asked) -> Result<AllHits> {
         let (found, budget) = (Mutex::new((0, Vec::new())), self.chosen.limit);
-        self.trace_in_runs(count, ray, asked, &|traced| {
+        self.trace_in_runs(count, &RaysOnDemand::new(ray), asked, &|traced| {
             let (hits, answers) = &mut *lock(&found);
             *hits += traced.answers.hits.len();
             answers.push((traced.runs.start, traced.answers));
@@ -88,20 +73,13 @@ impl Tracer {
     fn trace_in_runs(
         &mut self,
         count: usize,
-        ray: RayOf,
+        rays: &RaysOnDemand,
         asked: Asked,
         take: &(dyn Fn(TracedRuns) -> Result<()> + Sync),
     ) -> Result<()> {
         let (runs, buffers) = (Runs::of_length(count, self.run_length()), self.buffers.clone());
-        let make = |batch: &mut TracingBatch, rays: Range<usize>| {
-            buffers.batch_into(batch, rays.len(), |i| ray(rays.start + i), None);
-        };
-        let rays = RaysOnDemand::new(&make);
-        let given = |i| {
-            let (origin, direction, ..) = ray(i);
-            (origin, direction)
-        };
-        let job = BatchJob { given: &given, rays: RunRays::OnDemand(&rays), asked, budget: self.chosen.budget() };
+        let given = |i| rays.given(i);
+        let job = BatchJob { given: &given, rays: RunRays::OnDemand(rays), asked, budget: self.chosen.budget() };
         let all: Vec<usize> = (0..runs.count()).collect();
         match self.team.is_several() {
             true => self.timed_together(self.depth, |devices, watcher| {

@@ -26,7 +26,8 @@ use crate::scene::{
 };
 use crate::several::{Devices, Watcher};
 use crate::shared;
-use crate::tracer::{self, AllHitsJob, Backend, Progress, is_hit};
+use crate::streamed::{OfHit, WorldRay, trace_streamed};
+use crate::tracer::{self, AllHitsJob, Backend, Progress};
 use crate::winding::WindingTree;
 use glam::Vec3;
 use std::fmt;
@@ -111,7 +112,7 @@ const RAY_BYTES: usize =
 const KEPT_RAY_BYTES: usize = size_of::<shared::Hit>() + size_of::<Ray>() + size_of::<Option<Hit>>();
 
 /// Origin, direction, `t_min` and `t_max` of a ray.
-fn world_ray(Ray { origin, direction, t_min, t_max }: Ray) -> (Vec3, Vec3, f32, f32) {
+fn world_ray(Ray { origin, direction, t_min, t_max }: Ray) -> WorldRay {
     (origin.into(), direction.into(), t_min, t_max)
 }
 
@@ -219,8 +220,7 @@ impl Tracer {
     /// [`Error::OutOfMemory`] and [`Error::TooLarge`] when the batch takes too much memory; [`Error::Build`],
     /// [`Error::OpenCl`] and [`Error::Hang`] when the driver fails.
     pub fn closest_hits(&mut self, rays: &[Ray]) -> Result<Vec<Option<Hit>>> {
-        let hits = self.closest_hits_of(rays.len(), |i| rays[i])?;
-        Ok(parallel::map_numbers(rays.len(), |i| hits.get(i)))
+        self.trace(rays.len(), |i| rays[i], false)
     }
 
     /// The closest hits of `count` rays, of which `ray` makes number i: as [`Tracer::closest_hits`], for rays and hits
@@ -255,7 +255,7 @@ impl Tracer {
     /// # Errors
     /// As [`Tracer::closest_hits`].
     pub fn any_hits_of(&mut self, count: usize, ray: impl Fn(usize) -> Ray + Sync) -> Result<Vec<bool>> {
-        Ok(parallel::map_slice(&self.trace(count, ray, true)?, is_hit))
+        self.trace(count, ray, true)
     }
 
     /// How many triangles each ray hits between its `t_min` and `t_max`, in the order of `rays`. Each counts once; an
@@ -472,15 +472,22 @@ impl Tracer {
         self.timed(self.depth, |backend, progress| backend.trace_all(&job, progress))
     }
 
-    fn trace(&mut self, count: usize, ray: impl Fn(usize) -> Ray + Sync, any_hit: bool) -> Result<Vec<shared::Hit>> {
+    /// What is wanted of one hit of each ray.
+    fn trace<T: OfHit>(&mut self, count: usize, ray: impl Fn(usize) -> Ray + Sync, any_hit: bool) -> Result<Vec<T>> {
         let ray = |i| world_ray(ray(i));
         self.check_batch(count)?;
         if self.goes_in_runs(count) {
             return self.hits_in_runs(count, &ray, if any_hit { Asked::Any } else { Asked::Closest });
         }
-        let batch = self.buffers.batch(count, ray, None);
-        let job = batch.job(any_hit, 1);
-        Ok(self.timed(self.depth, |backend, progress| backend.trace(&job, progress))?.hits)
+        let (buffers, mut batch) = (self.buffers.clone(), None);
+        self.timed(self.depth, |backend, progress| {
+            let streamed = trace_streamed((&mut *backend, &buffers), (count, &ray), any_hit, progress)?;
+            if let Some(found) = streamed {
+                return Ok(found);
+            }
+            let batch = batch.get_or_insert_with(|| buffers.batch(count, ray, None));
+            backend.trace(&batch.job(any_hit, 1), progress).map(|traced| T::of_all(traced.hits))
+        })
     }
 
     /// Checks that there is memory for so many rays.

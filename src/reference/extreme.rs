@@ -89,6 +89,12 @@ impl SceneBuffers {
         }
     }
 
+    /// Whether tracing space cannot hold a ray in world units.
+    pub(crate) fn is_extreme(&self, origin: Vec3, direction: Vec3) -> bool {
+        let has_room = has_room(origin, self.params.scale) && has_room_for_direction(direction);
+        !(self.keeps_vertices() && has_room) && origin.is_finite() && direction.is_finite()
+    }
+
     /// `count` rays in world units as the tracers take them: `ray` makes number i of them (origin, direction, t_min,
     /// t_max), `next` the direction of its secondary ray.
     pub fn batch(
@@ -110,12 +116,11 @@ impl SceneBuffers {
         ray: impl Fn(usize) -> (Vec3, Vec3, f32, f32) + Sync,
         next: Option<&(dyn Fn(usize) -> Vec3 + Sync)>,
     ) {
-        let scale = self.params.scale;
         let extreme_of = |index: usize, (origin, direction, ..): (Vec3, Vec3, f32, f32)| {
             let is_ray = origin.is_finite() && direction.is_finite();
-            let is_first = !(self.keeps_vertices() && has_room(origin, scale) && has_room_for_direction(direction));
+            let is_first = self.is_extreme(origin, direction);
             let has_extreme_next = |direction: Vec3| direction.is_finite() && !has_room_for_direction(direction);
-            let is_extreme = is_ray && (is_first || next.is_some_and(|next| has_extreme_next(next(index))));
+            let is_extreme = is_first || is_ray && next.is_some_and(|next| has_extreme_next(next(index)));
             is_extreme.then_some(ExtremeRay { index, origin, is_second: !is_first })
         };
         let has_extreme = AtomicBool::new(false);
@@ -135,11 +140,15 @@ impl SceneBuffers {
             false => Vec::new(),
         };
         for ExtremeRay { index, .. } in batch.extreme.iter().filter(|ray| !ray.is_second) {
-            let t_min = rays[*index].origin_t_min.w;
-            rays[*index].origin_t_min = Float4::new(Vec3::NAN, t_min);
+            rays[*index] = nowhere(rays[*index]);
         }
         batch.next_directions = next.map(|next| parallel::map_numbers(count, |i| Float4::new(next(i), 0.0)));
     }
+}
+
+/// A ray that starts nowhere, and hits nothing.
+pub(crate) fn nowhere(ray: TraceRay) -> TraceRay {
+    TraceRay { origin_t_min: Float4::new(Vec3::NAN, ray.origin_t_min.w), ..ray }
 }
 
 /// From this number of extreme rays on a hierarchy is built for them: before, it takes longer than testing every

@@ -9,8 +9,8 @@ use crate::pack::SceneBuffers;
 use crate::reference::ReferenceBackend;
 use crate::shared::{CameraSample, Light, RenderParams};
 use crate::tracer::{
-    Adaptive, AllHits, AllHitsJob, Backend, Candidates, CandidatesJob, LostDevice, Progress, RenderResult, Spent, Task,
-    TraceJob, TraceResult,
+    Adaptive, AllHits, AllHitsJob, Backend, Candidates, CandidatesJob, LostDevice, Progress, RayStream, RenderResult,
+    Spent, Task, TraceJob, TraceResult,
 };
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -109,6 +109,10 @@ impl Backend for FallBack {
 
     fn trace(&mut self, job: &TraceJob, progress: Progress) -> Result<TraceResult> {
         self.done(|tracer| tracer.trace(job, progress))
+    }
+
+    fn trace_stream(&mut self, stream: &RayStream, progress: Progress) -> Result<Option<f64>> {
+        self.done(|tracer| tracer.trace_stream(stream, progress))
     }
 
     fn trace_all(&mut self, job: &AllHitsJob, progress: Progress) -> Result<AllHits> {

@@ -19,6 +19,7 @@ mod rounded_packets;
 mod same_answers;
 mod sorted;
 mod stop;
+mod streams;
 mod stress;
 mod structures;
 mod table;
