@@ -70,6 +70,10 @@ pub(crate) fn stream_hits(
     take: TakeHits,
     progress: Progress,
 ) -> Result<Option<TraceResult>> {
+    // Else all rays are extreme.
+    if !buffers.keeps_vertices() {
+        return Ok(None);
+    }
     let apart = Apart::new(count);
     let make = |first: usize, places: &mut [TraceRay]| {
         for (number, place) in (first..).zip(places) {

@@ -48,8 +48,13 @@ pub(super) fn is_worth_streaming(rays: usize) -> bool {
     rays >= 3 * LEAST_RAYS
 }
 
-/// The device's memory of the two parts that are under way.
-pub(super) struct StreamBuffers([PartBuffers; 2]);
+/// What a tracer keeps from one stream to the next.
+pub(super) struct StreamBuffers {
+    /// The device's memory of the two parts that are under way.
+    parts: [PartBuffers; 2],
+    /// Of the part before.
+    rows: Rows,
+}
 
 struct PartBuffers {
     rays: Buffer<TraceRay>,
@@ -69,7 +74,7 @@ impl StreamBuffers {
                 has_deferred: false,
             })
         };
-        Ok(StreamBuffers([part()?, part()?]))
+        Ok(StreamBuffers { parts: [part()?, part()?], rows: Rows::default() })
     }
 }
 
@@ -108,8 +113,6 @@ pub(super) struct Streaming<'a> {
     pub pinned: &'a mut Staging,
     pub entry: Entry,
     pub work_group: usize,
-    /// Of the part before.
-    pub rows: Rows,
 }
 
 impl Streaming<'_> {
@@ -147,13 +150,13 @@ impl Streaming<'_> {
         traced: &dyn Fn(usize),
     ) -> Result<Flight> {
         let (count, at) = (rays.len(), place * PART_BYTES);
-        let part = &mut self.buffers.0[place];
+        let StreamBuffers { parts, rows } = &mut *self.buffers;
+        let part = &mut parts[place];
         let made: &mut [TraceRay] = self.pinned.elements(at + RAYS_AT, count);
         parallel::each(made.chunks_mut(RayStream::PIECE).enumerate(), |(piece, made)| {
             (stream.make)(rays.start + piece * RayStream::PIECE, made);
         });
-        self.rows = self.rows.find_after(made);
-        let rows = self.rows;
+        *rows = rows.find_after(made);
         // SAFETY: of this and all that follows: nobody touches this memory before the flight has landed, or, where
         // there is none because something failed, before `UnderWay` is gone; and it outlives both.
         let sent = unsafe { part.rays.begin_write(made) }?;
@@ -207,7 +210,7 @@ impl Streaming<'_> {
 
     /// Passes those on that the first pass has deferred.
     fn defer(&mut self, place: usize, rays: Range<usize>, stream: &RayStream) -> Result<()> {
-        let (at, part) = (place * PART_BYTES, &mut self.buffers.0[place]);
+        let (at, part) = (place * PART_BYTES, &mut self.buffers.parts[place]);
         let fetched: &[u32] = self.pinned.elements(at + DEFERRED_AT, 1 + MOST_DEFERRED);
         let count = (fetched[0] as usize).min(rays.len());
         let mut items = fetched[1..=count.min(MOST_DEFERRED)].to_vec();

@@ -80,7 +80,7 @@ pub struct OpenClBackend {
     adaptive: Option<AdaptiveProgram>,
     /// What finds triangles near points, once it was needed.
     points: Option<PointProgram>,
-    /// The device's memory of batches that stream, once there was one.
+    /// What is kept of batches that stream, once there was one.
     stream: Option<StreamBuffers>,
     buffers: Arc<SceneBuffers>,
     options: TraceOptions,
@@ -323,8 +323,8 @@ impl Backend for OpenClBackend {
                 Err(Error::TooLarge { .. }) => return Ok(None),
                 Err(error) => return Err(error),
             };
-            let (plan, work_group, rows) = (trace_plan, *work_group, Rows::default());
-            let streaming = Streaming { context, scene, passes, plan, buffers, pinned, entry, work_group, rows };
+            let (plan, work_group) = (trace_plan, *work_group);
+            let streaming = Streaming { context, scene, passes, plan, buffers, pinned, entry, work_group };
             streaming.run(stream, progress).map(Some)
         });
         streamed.unwrap_or(Ok(None))
