@@ -30,8 +30,10 @@ use crate::reference::extreme::TracingBatch;
 use crate::renderer::Part;
 use crate::several::Pace;
 use crate::shared::Hit;
-use crate::streamed::{TakeHits, WorldRay, stream_hits, take_hits};
-use crate::tracer::{AllHits, AllHitsJob, Backend, ExtremeRay, Progress, TraceJob, TraceResult, is_hit};
+use crate::streamed::{WorldRay, stream_hits};
+use crate::tracer::{
+    AllHits, AllHitsJob, Backend, ExtremeRay, Progress, TakeHits, TraceJob, TraceResult, is_hit, take_in_pieces,
+};
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
@@ -103,12 +105,6 @@ impl GivenRays for RayBatch {
     }
 }
 
-impl<F: Fn(usize) -> (Vec3, Vec3) + Sync> GivenRays for F {
-    fn ray(&self, number: usize) -> (Vec3, Vec3) {
-        self(number)
-    }
-}
-
 /// The rays of a batch as the tracers take them.
 #[derive(Clone, Copy)]
 pub enum RunRays<'a> {
@@ -142,12 +138,6 @@ impl<'a> RaysOnDemand<'a> {
         RaysOnDemand { take: Some(take), ..RaysOnDemand::new(ray) }
     }
 
-    /// Origin and direction of one.
-    pub fn given(&self, number: usize) -> (Vec3, Vec3) {
-        let (origin, direction, ..) = (self.ray)(number);
-        (origin, direction)
-    }
-
     fn with<T>(&self, buffers: &SceneBuffers, rays: Range<usize>, work: impl FnOnce(&TracingBatch) -> T) -> T {
         let mut batch = lock(&self.traced).pop().unwrap_or_default();
         buffers.batch_into(&mut batch, rays.len(), |i| (self.ray)(rays.start + i), None);
@@ -172,9 +162,16 @@ impl<'a> RaysOnDemand<'a> {
         }
         self.with(buffers, rays.clone(), |batch| {
             let mut result = tracer.trace(&batch.job(any_hit, 1), progress)?;
-            take_hits(take, rays.start, &std::mem::take(&mut result.hits));
+            take_in_pieces(take, rays.start, &std::mem::take(&mut result.hits));
             Ok(result)
         })
+    }
+}
+
+impl GivenRays for RaysOnDemand<'_> {
+    fn ray(&self, number: usize) -> (Vec3, Vec3) {
+        let (origin, direction, ..) = (self.ray)(number);
+        (origin, direction)
     }
 }
 

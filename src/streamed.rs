@@ -6,7 +6,7 @@ use crate::pack::SceneBuffers;
 use crate::parallel::{self, lock, unlocked};
 use crate::reference::extreme::nowhere;
 use crate::shared::{Hit, TraceRay};
-use crate::tracer::{Backend, ExtremeRay, Progress, RayStream, TraceJob, TraceResult};
+use crate::tracer::{Backend, ExtremeRay, Progress, RayStream, TakeHits, TraceJob, TraceResult};
 use glam::Vec3;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -35,10 +35,6 @@ impl OfHit for Hit {
         hits
     }
 }
-
-/// Takes the hits of the rays from a number on, each once. Called by many threads, for whole pieces of
-/// [`RayStream::PIECE`], up to the last one.
-pub(crate) type TakeHits<'a> = &'a (dyn Fn(usize, &[Hit]) + Sync);
 
 /// What is wanted of one hit of each of `count` rays, by a stream. `None` where `tracer` is as soon ready with all rays
 /// at once.
@@ -155,13 +151,6 @@ impl Apart {
         }
         keeps
     }
-}
-
-/// Has hits that are in memory taken, those of the rays from a number on.
-pub(crate) fn take_hits(take: TakeHits, first: usize, hits: &[Hit]) {
-    parallel::each(hits.chunks(RayStream::PIECE).enumerate(), |(piece, hits)| {
-        take(first + piece * RayStream::PIECE, hits);
-    });
 }
 
 #[cfg(test)]

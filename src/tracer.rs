@@ -14,6 +14,7 @@ use crate::names::as_name;
 use crate::options::Decisions;
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
+use crate::parallel;
 use crate::shared::{COUNTERS, CameraSample, Hit, Light, NO_PRIMITIVE, RenderParams, TraceRay};
 use crate::work::{PixelWork, RayWork};
 use glam::Vec3;
@@ -80,6 +81,17 @@ pub struct TraceResult {
     pub extreme_s: Option<f64>,
 }
 
+/// Takes the hits of the rays from a number on, each once. Called by many threads, for whole pieces of
+/// [`RayStream::PIECE`], up to the last one.
+pub type TakeHits<'a> = &'a (dyn Fn(usize, &[Hit]) + Sync);
+
+/// Has hits taken that are in memory, those of the rays from a number on.
+pub(crate) fn take_in_pieces(take: TakeHits, first: usize, hits: &[Hit]) {
+    parallel::each(hits.chunks(RayStream::PIECE).enumerate(), |(piece, hits)| {
+        take(first + piece * RayStream::PIECE, hits);
+    });
+}
+
 /// A batch whose rays are made where the device reads them, and whose hits are taken where it writes them. Rays are
 /// made and hits taken by many threads, each once, in pieces of [`RayStream::PIECE`] rays from a multiple of that on;
 /// the last piece may have fewer.
@@ -93,8 +105,8 @@ pub struct RayStream<'a> {
     /// Is told of a ray, by its number, whose hit is still open, before hits are taken of which that is one: all such
     /// rays are to be traced by [`Backend::trace`], once the stream has ended.
     pub defer: &'a (dyn Fn(usize, &TraceRay) + Sync),
-    /// Takes the hits of the rays from a number on.
-    pub take: &'a (dyn Fn(usize, &[Hit]) + Sync),
+    /// Takes their hits.
+    pub take: TakeHits<'a>,
 }
 
 impl RayStream<'_> {

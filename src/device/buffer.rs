@@ -2,6 +2,7 @@
 
 use super::handle::Owned;
 use super::staging::{PART_BYTES, Staging};
+use super::watchdog::Watched;
 use super::{DeviceContext, Event};
 use crate::error::{Error, Result};
 use crate::parallel;
@@ -9,7 +10,7 @@ use bytemuck::Pod;
 use opencl3::command_queue::enqueue_write_buffer;
 use opencl3::error_codes::ClError;
 use opencl3::memory::{Buffer as ClBuffer, CL_MEM_READ_ONLY, CL_MEM_READ_WRITE, ClMem};
-use opencl3::types::{CL_FALSE, CL_TRUE, cl_mem_flags};
+use opencl3::types::{CL_FALSE, CL_TRUE, cl_bool, cl_mem_flags};
 use std::marker::PhantomData;
 use std::ptr;
 use std::sync::Arc;
@@ -24,6 +25,36 @@ const READ_BYTES: usize = 2 << 20;
 
 /// So many elements are no work for several cores.
 const LEAST_CONVERTED: usize = 4096;
+
+/// OpenCL's calls that transfer.
+const WRITE: &str = "clEnqueueWriteBuffer";
+const READ: &str = "clEnqueueReadBuffer";
+
+/// A transfer that the driver took, or refused.
+type Enqueued = std::result::Result<opencl3::event::Event, ClError>;
+
+/// Whether a call waits until its transfer is done.
+#[derive(Clone, Copy)]
+enum Waits {
+    Yes,
+    No,
+}
+
+impl Waits {
+    fn flag(self) -> cl_bool {
+        match self {
+            Waits::Yes => CL_TRUE,
+            Waits::No => CL_FALSE,
+        }
+    }
+
+    fn watch(self, context: &DeviceContext, call: &'static str) -> Watched {
+        match self {
+            Waits::Yes => context.watch_transfer(call),
+            Waits::No => context.watch(call),
+        }
+    }
+}
 
 /// Waits for a transfer, if there is one.
 fn landed(flight: &mut Option<Event>) -> Result<()> {
@@ -179,21 +210,10 @@ impl<T: Pod> Buffer<T> {
         if data.is_empty() {
             return Ok(());
         }
-        let Memory { raw, context, .. } = &*self.memory;
         let bytes: &[u8] = bytemuck::cast_slice(data);
-        if let Some(written) = context.staged(bytes.len(), |staging| self.write_by_parts(staging, bytes)) {
-            return written;
-        }
-        // The plain call: opencl3's method wants `&mut`, although the runtime does the writing.
-        let watched = context.watch_transfer("clEnqueueWriteBuffer");
-        // SAFETY: the call blocks, so `bytes` outlives the transfer, and it fits (asserted above).
-        let event = unsafe {
-            let (queue, data) = (context.0.queue.get(), bytes.as_ptr().cast_mut().cast());
-            enqueue_write_buffer(queue, raw.get(), CL_TRUE, 0, bytes.len(), data, 0, ptr::null())
-        };
-        drop(watched);
-        let event = event.map(opencl3::event::Event::new).map_err(ClError);
-        self.done("clEnqueueWriteBuffer", event)
+        let staged = self.memory.context.staged(bytes.len(), |staging| self.write_by_parts(staging, bytes));
+        // SAFETY: the call waits, so `bytes` outlives the transfer, and it fits (asserted above).
+        staged.unwrap_or_else(|| self.done(WRITE, unsafe { self.enqueue_write(Waits::Yes, 0, bytes) }))
     }
 
     /// Overwrites the first bytes through pinned memory.
@@ -204,7 +224,8 @@ impl<T: Pod> Buffer<T> {
             landed(&mut flights[number % 2])?;
             let part = staging.fill(number, bytes);
             // SAFETY: nobody touches the part until the event is waited for.
-            flights[number % 2] = Some(unsafe { self.write_bytes(number * PART_BYTES, part) }?);
+            let event = unsafe { self.enqueue_write(Waits::No, number * PART_BYTES, part) };
+            flights[number % 2] = Some(self.flight(WRITE, event)?);
             Ok(())
         });
         // The device may still have parts where something failed.
@@ -254,25 +275,25 @@ impl<T: Pod> Buffer<T> {
     /// # Panics
     /// When `data` is longer than the buffer.
     pub(super) unsafe fn begin_write(&self, data: &[T]) -> Result<Event> {
-        assert!(data.len() <= self.len, "{} elements are too many for {}", data.len(), self.memory.what);
+        self.check_range(0, data.len());
         // SAFETY: as above.
-        unsafe { self.write_bytes(0, bytemuck::cast_slice(data)) }
+        self.flight(WRITE, unsafe { self.enqueue_write(Waits::No, 0, bytemuck::cast_slice(data)) })
     }
 
-    /// Begins to write bytes from an offset on, where there is room for them.
+    /// Has the driver write bytes from an offset on.
     ///
     /// # Safety
-    /// As [`Buffer::begin_write`].
-    unsafe fn write_bytes(&self, offset: usize, bytes: &[u8]) -> Result<Event> {
+    /// They fit there. Nobody writes them, and they stay where they are, until the transfer is done.
+    unsafe fn enqueue_write(&self, waits: Waits, offset: usize, bytes: &[u8]) -> Enqueued {
         let Memory { raw, context, .. } = &*self.memory;
-        let watched = context.watch("clEnqueueWriteBuffer");
-        // SAFETY: the bytes stay what they are and where they are, and they fit.
+        let _watched = waits.watch(context, WRITE);
+        // The plain call: opencl3's method wants `&mut`, although the runtime does the writing.
+        // SAFETY: as above.
         let event = unsafe {
             let (queue, data) = (context.0.queue.get(), bytes.as_ptr().cast_mut().cast());
-            enqueue_write_buffer(queue, raw.get(), CL_FALSE, offset, bytes.len(), data, 0, ptr::null())
+            enqueue_write_buffer(queue, raw.get(), waits.flag(), offset, bytes.len(), data, 0, ptr::null())
         };
-        drop(watched);
-        self.flight("clEnqueueWriteBuffer", event.map(opencl3::event::Event::new).map_err(ClError))
+        event.map(opencl3::event::Event::new).map_err(ClError)
     }
 
     /// Begins to read the elements from number `first` on into `data`, which lies in pinned memory.
@@ -287,14 +308,20 @@ impl<T: Pod> Buffer<T> {
     /// When the range ends after the buffer.
     pub(super) unsafe fn begin_read(&self, first: usize, data: &mut [T]) -> Result<Event> {
         self.check_range(first, data.len());
+        // SAFETY: as above, and the range is inside the buffer.
+        self.flight(READ, unsafe { self.enqueue_read(Waits::No, first, data) })
+    }
+
+    /// Has the driver read the elements from number `first` on.
+    ///
+    /// # Safety
+    /// The buffer has them. Nobody touches `data`, and it stays where it is, until the transfer is done.
+    unsafe fn enqueue_read(&self, waits: Waits, first: usize, data: &mut [T]) -> Enqueued {
         let Memory { raw, context, .. } = &*self.memory;
-        let offset = first * size_of::<T>();
-        let watched = context.watch("clEnqueueReadBuffer");
-        // SAFETY: nobody else has the memory, and the range is inside the buffer.
-        let event =
-            unsafe { context.0.queue.enqueue_read_buffer(raw, CL_FALSE, offset, bytemuck::cast_slice_mut(data), &[]) };
-        drop(watched);
-        self.flight("clEnqueueReadBuffer", event)
+        let (offset, bytes) = (first * size_of::<T>(), bytemuck::cast_slice_mut(data));
+        let _watched = waits.watch(context, READ);
+        // SAFETY: as above.
+        unsafe { context.0.queue.enqueue_read_buffer(raw, waits.flag(), offset, bytes, &[]) }
     }
 
     /// Panics where the buffer has not so many elements from number `first` on.
@@ -304,7 +331,7 @@ impl<T: Pod> Buffer<T> {
     }
 
     /// A transfer that was begun.
-    fn flight(&self, call: &str, event: std::result::Result<opencl3::event::Event, ClError>) -> Result<Event> {
+    fn flight(&self, call: &str, event: Enqueued) -> Result<Event> {
         let context = &self.memory.context;
         let (call, event) = self.begun(call, event)?;
         let event = Event::new(context.clone(), call, event);
@@ -391,29 +418,18 @@ impl<T: Pod> Buffer<T> {
         if data.is_empty() {
             return Ok(());
         }
-        let Memory { raw, context, .. } = &*self.memory;
-        let offset = first * size_of::<T>();
-        let watched = context.watch_transfer("clEnqueueReadBuffer");
-        // SAFETY: the call blocks, so `data` outlives the transfer, and the range is inside the buffer (asserted
-        // above).
-        let event =
-            unsafe { context.0.queue.enqueue_read_buffer(raw, CL_TRUE, offset, bytemuck::cast_slice_mut(data), &[]) };
-        drop(watched);
-        self.done("clEnqueueReadBuffer", event)
+        // SAFETY: the call waits, so `data` outlives the transfer, and the range is inside the buffer (asserted above).
+        self.done(READ, unsafe { self.enqueue_read(Waits::Yes, first, data) })
     }
 
     /// Looks at a finished transfer's status as well.
-    fn done(&self, call: &str, event: std::result::Result<opencl3::event::Event, ClError>) -> Result<()> {
+    fn done(&self, call: &str, event: Enqueued) -> Result<()> {
         let (call, event) = self.begun(call, event)?;
         Event::check_transfer(self.memory.context.clone(), call, event)
     }
 
     /// A transfer that the driver took, with what errors call it.
-    fn begun(
-        &self,
-        call: &str,
-        event: std::result::Result<opencl3::event::Event, ClError>,
-    ) -> Result<(String, opencl3::event::Event)> {
+    fn begun(&self, call: &str, event: Enqueued) -> Result<(String, opencl3::event::Event)> {
         let Memory { context, what, .. } = &*self.memory;
         let call = format!("{call} of {what}");
         let event = event.map_err(|e| context.error(&call, e))?;

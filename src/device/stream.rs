@@ -14,7 +14,7 @@ use super::{Buffer, DeviceContext, Event, Kernel};
 use crate::error::Result;
 use crate::parallel;
 use crate::shared::{Hit, TraceRay};
-use crate::tracer::{Progress, RayStream};
+use crate::tracer::{Progress, RayStream, take_in_pieces};
 use std::ops::Range;
 
 /// Rays of a part at most.
@@ -82,8 +82,9 @@ impl StreamBuffers {
 struct Flight {
     rays: Range<usize>,
     sent: Event,
-    /// Its launch; where it took several, these are done.
+    /// Its launch; where it took several, these are done, and have taken so many seconds.
     launched: Option<Event>,
+    launches_s: f64,
     fetched: [Event; 2],
 }
 
@@ -126,15 +127,15 @@ impl Streaming<'_> {
         let parts = (0..count).step_by(length).map(|first| first..count.min(first + length));
         for (number, rays) in parts.enumerate() {
             let place = number % 2;
-            self.land(place, stream, &mut under_way, &mut kernel_s)?;
+            kernel_s += self.land(place, stream, under_way.flights[place].take())?;
             let part_of = |ray: usize| ray as f64 / count as f64;
             progress(part_of(rays.start));
-            let begun = self.begin(place, stream, rays, &mut kernel_s, &|ray| progress(part_of(ray)))?;
+            let begun = self.begin(place, stream, rays, &|ray| progress(part_of(ray)))?;
             under_way.flights[place] = Some(begun);
         }
         let older = count.div_ceil(length) % 2;
         for place in [older, 1 - older] {
-            self.land(place, stream, &mut under_way, &mut kernel_s)?;
+            kernel_s += self.land(place, stream, under_way.flights[place].take())?;
         }
         progress(1.0);
         Ok(kernel_s)
@@ -146,7 +147,6 @@ impl Streaming<'_> {
         place: usize,
         stream: &RayStream,
         rays: Range<usize>,
-        kernel_s: &mut f64,
         traced: &dyn Fn(usize),
     ) -> Result<Flight> {
         let (count, at) = (rays.len(), place * PART_BYTES);
@@ -170,12 +170,12 @@ impl Streaming<'_> {
             let arguments = self.scene.geometry_arguments(kernel)?.set(&part.rays)?.set(&part.hits)?;
             arguments.set(&part.deferred.items)?.set(rows.length)?.set(rows.in_bands).map(|_| ())
         };
-        let mut first = rays.start;
+        let (mut first, mut launches_s) = (rays.start, 0.0);
         let shape = (count, self.work_group);
         let launched =
             self.passes.begin_first(self.context, self.entry, &set, self.plan, shape, |items, launch_s| {
                 // Little is known of how long such rays take, or they take long.
-                (first, *kernel_s) = (first + items, *kernel_s + launch_s);
+                (first, launches_s) = (first + items, launches_s + launch_s);
                 traced(first);
             })?;
         let most = (1 + MOST_DEFERRED).min(part.deferred.items.len());
@@ -184,28 +184,27 @@ impl Streaming<'_> {
             let deferred = part.deferred.items.begin_read(0, self.pinned.elements(at + DEFERRED_AT, most))?;
             [deferred, part.hits.begin_read(0, self.pinned.elements(at + HITS_AT, count))?]
         };
-        Ok(Flight { rays, sent, launched, fetched })
+        Ok(Flight { rays, sent, launched, launches_s, fetched })
     }
 
-    /// Waits for a part, if it is under way, and passes its hits on.
-    fn land(&mut self, place: usize, stream: &RayStream, under_way: &mut UnderWay, kernel_s: &mut f64) -> Result<()> {
-        let Some(Flight { rays, sent, launched, fetched }) = under_way.flights[place].take() else { return Ok(()) };
+    /// Waits for a part, if there is one under way, and passes its hits on; its seconds of device time.
+    fn land(&mut self, place: usize, stream: &RayStream, flight: Option<Flight>) -> Result<f64> {
+        let Some(Flight { rays, sent, launched, launches_s, fetched }) = flight else { return Ok(0.0) };
         let (count, at) = (rays.len(), place * PART_BYTES);
         sent.wait()?;
+        let mut kernel_s = launches_s;
         if let Some(launched) = launched {
             let launch_s = launched.wait()?;
             self.plan.learn(count, launch_s);
-            *kernel_s += launch_s;
+            kernel_s += launch_s;
         }
         fetched.iter().try_for_each(|fetched| fetched.wait().map(drop))?;
         if self.passes.defers() {
             self.defer(place, rays.clone(), stream)?;
         }
         let hits: &[Hit] = self.pinned.elements(at + HITS_AT, count);
-        parallel::each(hits.chunks(RayStream::PIECE).enumerate(), |(piece, hits)| {
-            (stream.take)(rays.start + piece * RayStream::PIECE, hits);
-        });
-        Ok(())
+        take_in_pieces(stream.take, rays.start, hits);
+        Ok(kernel_s)
     }
 
     /// Passes those on that the first pass has deferred.

@@ -307,9 +307,8 @@ impl Backend for OpenClBackend {
             RayOrder::Sorted => false,
             RayOrder::Auto => !options.gains_by_sorted_rays(Some(self.context.info().kind)),
         };
-        // What packets find of rays that are not exact depends on how these are cut into parts.
-        let is_own = options.packet_size == PacketSize::One || options.is_exact();
-        if !keeps_order || !is_own || options.counters || !is_worth_streaming(stream.count) {
+        let may_be_cut = keeps_order && options.has_independent_hits() && !options.counters;
+        if !may_be_cut || !is_worth_streaming(stream.count) {
             return Ok(None);
         }
         self.prepare(Task::Batch)?;

@@ -4,7 +4,6 @@
 use super::tracer::Tracer;
 use crate::device::DeviceKind;
 use crate::error::Result;
-use crate::options::PacketSize;
 use crate::parallel::{self, lock, unlocked};
 use crate::renderer::{Picture, PictureBlocks, render_by_several};
 use crate::runs::{Asked, BatchJob, RUN_RAYS, RaysOnDemand, RunRays, Runs, TracedRuns, trace_by_several, trace_runs};
@@ -16,6 +15,7 @@ use std::sync::Mutex;
 /// Rays of a run on processors, whose memory is small enough to be taken again for the next one. On two cores 8 million
 /// rays in runs of 2^16 to 2^21 took 0.73, 0.72, 0.60, 0.60, 0.76 and 0.89 of the time that all at once took.
 const RUN_RAYS_ON_PROCESSOR: usize = 1 << 18;
+
 /// The rays of a batch.
 type RayOf<'a> = &'a (dyn Fn(usize) -> WorldRay + Sync);
 
@@ -24,9 +24,8 @@ impl Tracer {
     /// over the same memory again and again. Through a GPU by itself large batches stream. Hits that are not exact may
     /// depend on which rays share a packet; those of a batch are traced together.
     pub(super) fn goes_in_runs(&self, rays: usize) -> bool {
-        let options = &self.team.opening().options;
         let gains = self.team.is_several() || self.is_on_processor();
-        gains && rays > self.run_length() && (options.is_exact() || options.packet_size == PacketSize::One)
+        gains && rays > self.run_length() && self.team.opening().options.has_independent_hits()
     }
 
     fn is_on_processor(&self) -> bool {
@@ -78,8 +77,7 @@ impl Tracer {
         take: &(dyn Fn(TracedRuns) -> Result<()> + Sync),
     ) -> Result<()> {
         let (runs, buffers) = (Runs::of_length(count, self.run_length()), self.buffers.clone());
-        let given = |i| rays.given(i);
-        let job = BatchJob { given: &given, rays: RunRays::OnDemand(rays), asked, budget: self.chosen.budget() };
+        let job = BatchJob { given: rays, rays: RunRays::OnDemand(rays), asked, budget: self.chosen.budget() };
         let all: Vec<usize> = (0..runs.count()).collect();
         match self.team.is_several() {
             true => self.timed_together(self.depth, |devices, watcher| {

@@ -170,6 +170,12 @@ impl TraceOptions {
         self.intersector == Intersector::Exact && self.kd().traversal.is_exact()
     }
 
+    /// Whether what a ray hits does not depend on which rays are traced with it. In packets of rays it may, where hits
+    /// are not exact.
+    pub fn has_independent_hits(&self) -> bool {
+        self.packet_size == PacketSize::One || self.is_exact()
+    }
+
     /// Whether a triangle may be in several leaves, so that a ray may meet it more than once.
     pub fn repeats_triangles(&self) -> bool {
         match self.structure {
