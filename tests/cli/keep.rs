@@ -20,10 +20,10 @@ fn assert_succeeds(output: &std::process::Output) -> String {
     format!("{}{}", stderr(output), String::from_utf8_lossy(&output.stdout))
 }
 
-/// A picture with some work: 32 bands of 524,288 rays.
+/// A picture with some work: 32 bands of 262,144 rays.
 fn start(at: &Path) -> Child {
     Command::new(env!("CARGO_BIN_EXE_raybrook"))
-        .args("render one.obj --size 2048x2048 --samples 4 --device reference --keep always -o a.pfm".split(' '))
+        .args("render one.obj --size 2048x2048 --samples 2 --device reference --keep always -o a.pfm".split(' '))
         .current_dir(at)
         .stderr(Stdio::piped())
         .stdout(Stdio::piped())
@@ -81,7 +81,7 @@ fn a_run_that_is_killed_goes_on_with_the_same_bits() {
         (kept, killed) = (length, killed + 1);
     }
     assert!(killed > 0 && !journal.exists());
-    let whole = "render one.obj --size 2048x2048 --samples 4 --device reference --keep never -o b.pfm";
+    let whole = "render one.obj --size 2048x2048 --samples 2 --device reference --keep never -o b.pfm";
     assert_succeeds(&raybrook(at, &whole.split(' ').collect::<Vec<_>>()));
     assert!(bytes(at, "a.pfm") == bytes(at, "b.pfm"), "killed {killed} times");
 }
@@ -132,10 +132,10 @@ fn a_run_that_is_interrupted_says_what_is_kept() {
     assert!(journal.exists() && !at.join("a.pfm").exists());
     // Whoever asks for another picture is told, and loses nothing.
     let other = |more: &[&str]| {
-        let arguments = "render one.obj --size 2048x2048 --samples 2 --device reference -o a.pfm";
+        let arguments = "render one.obj --size 2048x2048 --samples 1 --device reference -o a.pfm";
         raybrook(at, &[&arguments.split(' ').collect::<Vec<_>>()[..], more].concat())
     };
-    assert_fails(&other(&[]), 3, &["a.pfm.partial", "another picture", "its samples is 4, not 2", "--restart"]);
+    assert_fails(&other(&[]), 3, &["a.pfm.partial", "another picture", "its samples is 2, not 1", "--restart"]);
     assert!(journal.exists() && !at.join("a.pfm").exists());
     assert_succeeds(&other(&["--keep", "never"]));
     assert!(journal.exists());

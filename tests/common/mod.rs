@@ -38,6 +38,12 @@ pub fn device() -> Option<DeviceHandle> {
     DEVICE.get_or_init(open).as_ref().map(|(device, _)| device.clone())
 }
 
+/// The device, for tests that compile many kernels and trace few rays with each: kernels that its compiler does not
+/// optimise in a usual run, as users have them in a thorough one.
+pub fn quick_device() -> Option<DeviceHandle> {
+    device().map(|device| if is_thorough() { device } else { unoptimised(&device) })
+}
+
 /// The same device with kernels that its compiler does not optimise (OpenCL 1.2, section 5.6.4.4): PoCL compiles them
 /// in little more than half of the time, and they must not differ in a bit. For tests that compile one kernel after the
 /// other, beside some that are optimised.

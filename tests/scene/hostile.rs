@@ -1,7 +1,7 @@
 //! Values at the ends of their ranges: whatever a scene may hold, every pixel of its picture is a number, the same on a
 //! device and on the twin; what it may not hold is refused by name.
 
-use crate::common::{Random, SEED, device};
+use crate::common::{Random, SEED, quick_device};
 use glam::{Vec2, Vec3};
 use raybrook::Error;
 use raybrook::low_level::device::DeviceHandle;
@@ -253,7 +253,7 @@ fn hostile_scenes_have_pixels_that_are_numbers() {
 
 #[test]
 fn hostile_scenes_are_the_same_on_devices() {
-    let Some(device) = device() else { return };
+    let Some(device) = quick_device() else { return };
     pixels_are_numbers(40, Some(&device));
 }
 

@@ -1,7 +1,7 @@
 //! Instances against the flattened scene, bit for bit: hits and pictures, on the reference and on the device, whatever
 //! the transforms.
 
-use crate::common::{Random, SEED, device, is_thorough, sheet, soup, usually_every};
+use crate::common::{Random, SEED, device, is_thorough, quick_device, sheet, soup, usually_every};
 use glam::{Affine3A, Vec2, Vec3};
 use raybrook::low_level::device::DeviceHandle;
 use raybrook::low_level::layout::Float4;
@@ -148,7 +148,7 @@ fn hits_are_those_of_the_flattened_scene() {
         // Rounded tests see the same vertices, too.
         assert_eq!(trace(&scene, &with(INSTANCES), None, &made), expected, "{intersector}, seed {SEED}");
         assert_eq!(trace(&scene, &with(FLAT), None, &made), expected, "{intersector}, flattened by the packer");
-        let Some(device) = device().filter(|_| intersector == Intersector::Exact) else { continue };
+        let Some(device) = quick_device().filter(|_| intersector == Intersector::Exact) else { continue };
         // `tests/methods/same_answers.rs` has instances in every memory.
         for memory in usually_every(3, [Memory::Global, Memory::Constant, Memory::Image2d]) {
             let options = TraceOptions { arrays: ArrayOptions { memory, ..INSTANCES.arrays }, ..INSTANCES };
@@ -186,7 +186,7 @@ fn pictures_are_those_of_the_flattened_scene() {
     let random = picture(&flat, &playing(FLAT), None);
     assert!(random.1[4] < expected.1[4] && random.1[6] < expected.1[6], "{:?}, {:?}", random.1, expected.1);
     assert_eq!(picture(&scene, &playing(INSTANCES), None), random);
-    let Some(device) = device() else { return };
+    let Some(device) = quick_device() else { return };
     if is_thorough() {
         assert_eq!(picture(&scene, &playing(INSTANCES), Some(&device)), random, "roulette");
     }
@@ -240,7 +240,7 @@ fn sizes_and_odd_transforms_lose_no_hit() {
 /// Without normals and textures triangles have no shading data but their materials, or none at all.
 #[test]
 fn flat_instances_have_their_materials() {
-    let Some(device) = device() else { return };
+    let Some(device) = quick_device() else { return };
     for several in [false, true] {
         let mut builder = Builder::new();
         let [red, mirror] = [0.0, 0.6].map(|mirror| {

@@ -1,6 +1,6 @@
 //! Real models: every structure gives the hits of brute force, closed ones have no hole, and files load whole.
 
-use crate::common::{Random, SEED, device, shared, usually_every};
+use crate::common::{Random, SEED, quick_device, shared, usually_every};
 use glam::Vec3;
 use raybrook::low_level::options::{Build, Intersector, KdOptions, StructureKind, TraceOptions};
 use raybrook::low_level::pack::SceneBuffers;
@@ -84,7 +84,7 @@ fn every_tree_gives_the_hits_of_brute_force() {
     if shared("scenes").is_none() {
         return;
     }
-    let device = device();
+    let device = quick_device();
     for model in usually_every(4, MODELS) {
         let Some(path) = shared(&format!("scenes/{model}")) else { continue };
         let scene = load(path).unwrap();

@@ -1,6 +1,6 @@
 //! Samples of pixels: camera rays through pixel corners, and more samples than one launch traces.
 
-use crate::common::device;
+use crate::common::{device, quick_device};
 use glam::Vec3;
 use raybrook::low_level::options::{PacketSize, StructureKind, TraceOptions};
 use raybrook::low_level::pack::{SceneBuffers, sample_positions};
@@ -96,7 +96,7 @@ fn scene_files_can_ask_for_corners() {
 /// More samples than one launch traces, also in packets, and of rays that are deferred: along the edges of a box.
 #[test]
 fn samples_of_several_launches_add_up() {
-    let Some(device) = device() else { return };
+    let Some(device) = quick_device() else { return };
     let mut builder = Builder::new();
     builder.material(Material { mirror: Vec3::splat(0.4), ..Material::default() });
     builder.cuboid(Vec3::ONE);

@@ -146,7 +146,8 @@ impl Lab<'_> {
     /// Width and height of pictures: less where no GPU makes them, and little in a hurry.
     pub fn picture_size(&self) -> (u32, u32) {
         match (self.quick, self.device) {
-            (true, _) => (160, 90),
+            (true, Some(_)) => (160, 90),
+            (true, None) => (96, 54),
             (false, Some(device)) if device.info.kind == DeviceKind::Gpu => (1920, 1080),
             (false, Some(_)) => (960, 540),
             (false, None) => (192, 108),
