@@ -119,8 +119,12 @@ pub fn take_signs(
     budget: Option<MemoryBudget>,
     progress: Progress,
 ) -> Result<()> {
-    let inside = contains(backend, buffers, points, budget, progress)?;
-    let within = distances.iter_mut().zip(inside).filter(|(distance, is_inside)| *is_inside && **distance > 0.0);
-    within.for_each(|(distance, _)| *distance = -*distance);
+    negate(distances, &contains(backend, buffers, points, budget, progress)?);
     Ok(())
+}
+
+/// Makes the distances of points that are inside negative.
+pub(crate) fn negate(distances: &mut [f32], inside: &[bool]) {
+    let within = distances.iter_mut().zip(inside).filter(|(distance, is_inside)| **is_inside && **distance > 0.0);
+    within.for_each(|(distance, _)| *distance = -*distance);
 }

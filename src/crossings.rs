@@ -114,17 +114,33 @@ pub fn contains(
     progress: Progress,
 ) -> Result<Vec<bool>> {
     require_exact(backend.options().intersector)?;
-    // On the surface: of three axes one at least is not in a triangle's plane.
     let mut inside = vec![false; points.len()];
-    for axis in [Vec3::X, Vec3::Y, Vec3::Z] {
-        let batch = buffers.batch(points.len(), |i| (points[i].into(), axis, 0.0, 0.0), None);
+    for axis in AXES {
+        let batch = buffers.batch(points.len(), |i| ray_at(points[i], axis), None);
         let hits = backend.trace(&batch.job(true, 1), &|_| ())?.hits;
         inside.iter_mut().zip(&hits).for_each(|(inside, hit)| *inside |= is_hit(hit));
     }
-    let ray = |i: usize| (points[i].into(), Vec3::X, 0.0, f32::INFINITY);
-    let crossings = trace_crossings(backend, buffers, points.len(), ray, budget, progress)?;
-    inside.iter_mut().zip(crossings).for_each(|(inside, count)| *inside |= count % 2 == 1);
+    let crossings = trace_crossings(backend, buffers, points.len(), |i| ray_from(points[i]), budget, progress)?;
+    add_odd(&mut inside, &crossings);
     Ok(inside)
+}
+
+/// The directions of [`ray_at`]: of three axes one at least is not in a triangle's plane.
+pub(crate) const AXES: [Vec3; 3] = [Vec3::X, Vec3::Y, Vec3::Z];
+
+/// A ray without length, which hits the triangles that a point lies on, but for those in whose plane its direction is.
+pub(crate) fn ray_at(point: [f32; 3], direction: Vec3) -> (Vec3, Vec3, f32, f32) {
+    (point.into(), direction, 0.0, 0.0)
+}
+
+/// A ray that crosses a closed surface an odd number of times where it starts inside, and not on it.
+pub(crate) fn ray_from(point: [f32; 3]) -> (Vec3, Vec3, f32, f32) {
+    (point.into(), Vec3::X, 0.0, f32::INFINITY)
+}
+
+/// Adds the points whose rays have an odd number of crossings.
+pub(crate) fn add_odd(inside: &mut [bool], crossings: &[u32]) {
+    inside.iter_mut().zip(crossings).for_each(|(inside, count)| *inside |= count % 2 == 1);
 }
 
 /// A hit whose weights are all at least this is inside of its triangle; where one is less, it is looked at closely.

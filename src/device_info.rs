@@ -28,6 +28,11 @@ impl DeviceKind {
             DeviceKind::Other => "other",
         }
     }
+
+    /// Whether the host's processor computes: a device of that kind, or the reference (`None`).
+    pub fn is_processor(kind: Option<DeviceKind>) -> bool {
+        kind.is_none_or(|kind| kind == DeviceKind::Cpu)
+    }
 }
 
 impl fmt::Display for DeviceKind {

@@ -81,10 +81,11 @@ impl<'a> TracerBuilder<'a> {
     /// [`devices`](crate::devices) or a part of its name. Default: the GPU, CPU or other device that is likely to be
     /// the fastest, else the reference.
     ///
-    /// Several, as in `0,2` or `gpu+cpu`, share large batches of rays, and pictures, with the same answers; all else is
-    /// done by the first of them. `all` is every GPU, or every other device where there is none. They trace by the
-    /// method that is best for the first. One that does not open, or fails in the middle of the work, is left out,
-    /// which [`Tracer::notes`] tells; the last one that is left is as a single one.
+    /// Several, as in `0,2` or `gpu+cpu`, share large batches of rays, which of many points are inside, and pictures,
+    /// with the same answers; closest points are found by the first of them. `all` is every GPU, or every other device
+    /// where there is none. They trace by the method that is best for the first. One that does not open, or fails in
+    /// the middle of the work, is left out, which [`Tracer::notes`] tells; the last one that is left is as a single
+    /// one.
     pub fn device(mut self, device: &str) -> Self {
         self.device = Some(device.to_owned());
         self

@@ -229,7 +229,7 @@ impl Team {
             let (name, kind) = (member.name().to_owned(), member.device.as_ref().map(|device| device.info.kind));
             let tracer = OpenTracer::Lent(member.tracer.as_mut().expect("it was opened").as_mut());
             let open = move || Ok((buffers.clone(), tracer));
-            DeviceTracer { name, is_processor: matches!(kind, None | Some(DeviceKind::Cpu)), open: Box::new(open) }
+            DeviceTracer { name, is_processor: DeviceKind::is_processor(kind), open: Box::new(open) }
         });
         let last_resort = (opening.falls_back && !has_reference).then(|| {
             let open = move || Ok((buffers.clone(), OpenTracer::Own(opening.open(None, buffers, depth)?)));

@@ -1,7 +1,8 @@
 //! Large batches, which are traced in runs, and pictures that the devices of a tracer share, with the bits of one
 //! device.
 
-use super::tracer::Tracer;
+use super::tracer::{Share, Tracer, WHOLE, in_share};
+use crate::crossings::{AXES, add_odd, contains, ray_at, ray_from, require_exact, trace_crossings};
 use crate::device::DeviceKind;
 use crate::error::Result;
 use crate::parallel::{self, lock, unlocked};
@@ -29,7 +30,7 @@ impl Tracer {
     }
 
     fn is_on_processor(&self) -> bool {
-        matches!(self.device_kind(), None | Some(DeviceKind::Cpu))
+        DeviceKind::is_processor(self.device_kind())
     }
 
     /// How many rays a run has.
@@ -38,7 +39,7 @@ impl Tracer {
     }
 
     /// What is wanted of one hit of each of `count` rays.
-    pub(super) fn hits_in_runs<T: OfHit>(&mut self, count: usize, ray: RayOf, asked: Asked) -> Result<Vec<T>> {
+    pub(super) fn hits_in_runs<T: OfHit>(&mut self, count: usize, ray: RayOf, asked: (Asked, Share)) -> Result<Vec<T>> {
         let (traced, all) = parallel::filled((count, RayStream::PIECE), |room| {
             let take = |first: usize, hits: &[Hit]| room.put(first, hits.iter().map(T::of));
             self.trace_in_runs(count, &RaysOnDemand::taken_by(ray, &take), asked, &|_| Ok(()))
@@ -50,7 +51,7 @@ impl Tracer {
     /// How many hits each of `count` rays has, and, if they are asked for, which.
     pub(super) fn all_hits_in_runs(&mut self, count: usize, ray: RayOf, asked: Asked) -> Result<AllHits> {
         let (found, budget) = (Mutex::new((0, Vec::new())), self.chosen.limit);
-        self.trace_in_runs(count, &RaysOnDemand::new(ray), asked, &|traced| {
+        self.trace_in_runs(count, &RaysOnDemand::new(ray), (asked, WHOLE), &|traced| {
             let (hits, answers) = &mut *lock(&found);
             *hits += traced.answers.hits.len();
             answers.push((traced.runs.start, traced.answers));
@@ -69,22 +70,64 @@ impl Tracer {
         Ok(all)
     }
 
+    /// How often each of `count` rays crosses a surface.
+    pub(super) fn crossings(&mut self, count: usize, ray: RayOf, share: Share) -> Result<Vec<u32>> {
+        require_exact(self.team.opening().options.intersector)?;
+        if !self.goes_in_runs(count) {
+            let (buffers, budget) = (self.buffers.clone(), self.chosen.limit);
+            return self.timed(self.depth, |backend, progress| {
+                trace_crossings(backend, &buffers, count, ray, budget, &in_share(progress, share))
+            });
+        }
+        let length = self.run_length();
+        let (traced, all) = parallel::filled((count, length), |room| {
+            self.trace_in_runs(count, &RaysOnDemand::new(ray), (Asked::Crossings, share), &|traced| {
+                room.put(traced.runs.start * length, traced.answers.counts.iter().copied());
+                Ok(())
+            })
+        });
+        traced?;
+        Ok(all.expect("all runs were traced"))
+    }
+
+    /// Whether each point is inside of the scene, which is closed, or on its surface.
+    pub(super) fn are_inside(&mut self, points: &[[f32; 3]], share: Share) -> Result<Vec<bool>> {
+        if !self.goes_in_runs(points.len()) {
+            let (buffers, budget) = (self.buffers.clone(), self.chosen.limit);
+            return self.timed(self.depth, |backend, progress| {
+                contains(backend, &buffers, points, budget, &in_share(progress, share))
+            });
+        }
+        let step = (share.1 - share.0) / (AXES.len() + 1) as f64;
+        let mut inside = vec![false; points.len()];
+        let mut from = share.0;
+        for axis in AXES {
+            let on_surface = |i: usize| ray_at(points[i], axis);
+            let hits: Vec<bool> = self.hits_in_runs(points.len(), &on_surface, (Asked::Any, (from, from + step)))?;
+            inside.iter_mut().zip(hits).for_each(|(inside, is_hit)| *inside |= is_hit);
+            from += step;
+        }
+        add_odd(&mut inside, &self.crossings(points.len(), &|i| ray_from(points[i]), (from, share.1))?);
+        Ok(inside)
+    }
+
     fn trace_in_runs(
         &mut self,
         count: usize,
         rays: &RaysOnDemand,
-        asked: Asked,
+        (asked, share): (Asked, Share),
         take: &(dyn Fn(TracedRuns) -> Result<()> + Sync),
     ) -> Result<()> {
         let (runs, buffers) = (Runs::of_length(count, self.run_length()), self.buffers.clone());
         let job = BatchJob { given: rays, rays: RunRays::OnDemand(rays), asked, budget: self.chosen.budget() };
         let all: Vec<usize> = (0..runs.count()).collect();
         match self.team.is_several() {
-            true => self.timed_together(self.depth, |devices, watcher| {
+            true => self.timed_together((self.depth, share), |devices, watcher| {
                 trace_by_several(devices, &job, (runs, &all), take, watcher).map(drop)
             }),
             false => self.timed(self.depth, |backend, progress| {
-                trace_runs((backend, &buffers), &job, (runs, &all), &mut |traced| take(traced), progress)
+                let progress = in_share(progress, share);
+                trace_runs((backend, &buffers), &job, (runs, &all), &mut |traced| take(traced), &progress)
             }),
         }
     }
@@ -96,7 +139,7 @@ impl Tracer {
         wanted: &[usize],
         take: &(dyn Fn(&Finished) -> Result<()> + Sync),
     ) -> Result<()> {
-        self.timed_together(picture.depth, |devices, watcher| {
+        self.timed_together((picture.depth, WHOLE), |devices, watcher| {
             render_by_several(devices, picture, (blocks, wanted), take, watcher).map(drop)
         })
     }

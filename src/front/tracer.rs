@@ -11,8 +11,8 @@ use super::team::Team;
 use super::view::{Frame, View};
 use crate::accel::KeptBvh;
 use crate::budget::{CHECKED_FROM_BYTES, DecidedBy, MemoryBudget, Need};
-use crate::closest::{self, Closest, closest_points, point_scene, take_signs};
-use crate::crossings::{check_closed, contains, is_tie, require_exact, trace_crossings};
+use crate::closest::{self, Closest, closest_points, point_scene};
+use crate::crossings::{check_closed, is_tie, require_exact};
 use crate::device::DeviceKind;
 use crate::error::{Error, Result};
 use crate::layers::{layers_bytes, trace_layers};
@@ -33,6 +33,16 @@ use glam::Vec3;
 use std::fmt;
 use std::sync::Arc;
 use std::time::Instant;
+
+/// What part of the work of a call something is: from where to where its progress goes.
+pub(super) type Share = (f64, f64);
+
+pub(super) const WHOLE: Share = (0.0, 1.0);
+
+/// Tells of the progress of a part.
+pub(super) fn in_share(progress: Progress<'_>, (from, to): Share) -> impl Fn(f64) + Sync {
+    move |done| progress(from + (to - from) * done)
+}
 
 /// What a builder has chosen, but for the devices.
 pub(super) struct Chosen {
@@ -317,11 +327,7 @@ impl Tracer {
     /// # Errors
     /// As [`Tracer::all_hits`]; [`Error::Option`] when the method is not exact.
     pub fn count_crossings(&mut self, rays: &[Ray]) -> Result<Vec<u32>> {
-        let (buffers, budget) = (self.buffers.clone(), self.chosen.limit);
-        let ray = |i: usize| world_ray(rays[i]);
-        self.timed(self.depth, |backend, progress| {
-            trace_crossings(backend, &buffers, rays.len(), ray, budget, progress)
-        })
+        self.crossings(rays.len(), &|i| world_ray(rays[i]), WHOLE)
     }
 
     /// Whether each point is inside of the scene, which must be closed, or exactly on its surface; in the order of
@@ -334,8 +340,7 @@ impl Tracer {
     /// As [`Tracer::count_crossings`]; [`Error::Scene`] when the scene is not closed.
     pub fn contains(&mut self, points: &[[f32; 3]]) -> Result<Vec<bool>> {
         self.require_closed()?;
-        let (buffers, budget) = (self.buffers.clone(), self.chosen.limit);
-        self.timed(self.depth, |backend, progress| contains(backend, &buffers, points, budget, progress))
+        self.are_inside(points, WHOLE)
     }
 
     fn require_closed(&mut self) -> Result<()> {
@@ -374,7 +379,7 @@ impl Tracer {
     /// # Errors
     /// As [`Tracer::closest_hits`]; [`Error::Scene`] when there are more triangles than a hierarchy has room for.
     pub fn closest_points(&mut self, points: &[[f32; 3]]) -> Result<Vec<Option<ClosestPoint>>> {
-        let closest = self.find_closest(points)?;
+        let closest = self.find_closest(points, WHOLE)?;
         Ok(closest.iter().map(|closest| closest.as_ref().map(ClosestPoint::of)).collect())
     }
 
@@ -385,7 +390,7 @@ impl Tracer {
     /// # Errors
     /// As [`Tracer::closest_points`].
     pub fn distances(&mut self, points: &[[f32; 3]]) -> Result<Vec<f32>> {
-        Ok(closest::distances(points, &self.find_closest(points)?))
+        Ok(closest::distances(points, &self.find_closest(points, WHOLE)?))
     }
 
     /// As [`Tracer::distances`], but negative inside of the scene, which must be closed as for [`Tracer::contains`].
@@ -395,11 +400,8 @@ impl Tracer {
     /// As [`Tracer::closest_points`] and [`Tracer::contains`].
     pub fn signed_distances(&mut self, points: &[[f32; 3]]) -> Result<Vec<f32>> {
         self.require_closed()?;
-        let mut distances = self.distances(points)?;
-        let (buffers, budget) = (self.buffers.clone(), self.chosen.limit);
-        self.timed(self.depth, |backend, progress| {
-            take_signs(backend, &buffers, points, &mut distances, budget, progress)
-        })?;
+        let mut distances = closest::distances(points, &self.find_closest(points, (0.0, 0.5))?);
+        closest::negate(&mut distances, &self.are_inside(points, (0.5, 1.0))?);
         Ok(distances)
     }
 
@@ -438,10 +440,10 @@ impl Tracer {
         Ok(numbers)
     }
 
-    fn find_closest(&mut self, points: &[[f32; 3]]) -> Result<Vec<Option<Closest>>> {
+    fn find_closest(&mut self, points: &[[f32; 3]], share: Share) -> Result<Vec<Option<Closest>>> {
         let scene = self.point_scene()?;
         self.check_points(points.len())?;
-        self.timed(self.depth, |backend, progress| closest_points(backend, &scene, points, progress))
+        self.timed(self.depth, |backend, progress| closest_points(backend, &scene, points, &in_share(progress, share)))
     }
 
     /// What point queries go through, built when it is first needed.
@@ -477,7 +479,7 @@ impl Tracer {
         let ray = |i| world_ray(ray(i));
         self.check_batch(count)?;
         if self.goes_in_runs(count) {
-            return self.hits_in_runs(count, &ray, if any_hit { Asked::Any } else { Asked::Closest });
+            return self.hits_in_runs(count, &ray, (if any_hit { Asked::Any } else { Asked::Closest }, WHOLE));
         }
         let (buffers, mut batch) = (self.buffers.clone(), None);
         self.timed(self.depth, |backend, progress| {
@@ -614,10 +616,10 @@ impl Tracer {
     /// The same of all devices.
     pub(super) fn timed_together<T>(
         &mut self,
-        depth: u32,
+        (depth, share): (u32, Share),
         trace: impl FnOnce(Devices, &dyn Watcher) -> Result<T>,
     ) -> Result<T> {
-        self.timed_as(depth, |team, of, progress| team.share(of, progress, trace))
+        self.timed_as(depth, |team, of, progress| team.share(of, &in_share(progress, share), trace))
     }
 
     fn timed_as<T>(

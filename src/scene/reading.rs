@@ -74,7 +74,7 @@ pub(super) fn read_all(
 pub(super) const HEAD_BYTES: u64 = 1024;
 
 /// A list that takes less is made without asking how much memory there is.
-const CHECKED_FROM_BYTES: usize = 1 << 20;
+const CHECKED_LIST_BYTES: usize = 1 << 20;
 
 /// Makes room for `more` values behind those of `list`, and checks that there is memory for them. The room doubles at
 /// the least, so that the list is seldom moved.
@@ -85,7 +85,7 @@ pub(super) fn make_room<T>(list: &mut Vec<T>, more: usize, path: &Path, budget: 
     let room = (list.len() + more).max(2 * list.capacity());
     let bytes = room.saturating_mul(size_of::<T>());
     // Where it moves, the old list is among what the process has.
-    if bytes >= CHECKED_FROM_BYTES {
+    if bytes >= CHECKED_LIST_BYTES {
         check_memory(path, bytes as u64, budget)?;
     }
     list.try_reserve_exact(room - list.len()).map_err(|_| refused(path, bytes as u64))

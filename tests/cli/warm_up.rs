@@ -22,9 +22,7 @@ fn later_runs_find_their_kernels() {
     write_npz(&at.join("points.npz"), &[("point", 3, &rays)]);
     let index = device.info.index.to_string();
     let run = |command: &str| {
-        // Which PoCL compiles in half of the time. Not in a thorough run, which has a command without this option.
-        let quick = if crate::common::is_thorough() { &[][..] } else { &["--compiler-options", "-cl-opt-disable"] };
-        let arguments: Vec<_> = command.split(' ').chain(["--device", &index]).chain(quick.iter().copied()).collect();
+        let arguments: Vec<_> = command.split(' ').chain(["--device", &index]).collect();
         let output = raybrook_with(at, &arguments, &[("POCL_KERNEL_CACHE", "0")]);
         assert!(output.status.success(), "{command}: {}", stderr(&output));
         String::from_utf8(output.stdout).unwrap()

@@ -5,6 +5,7 @@ use crate::common::{Random, SEED, device};
 use glam::{DVec3, Vec3};
 use raybrook::{AllHits, Error, Hit, Ray, Scene, Tracer};
 use raybrook_lab::stress::{ExactTracer, Mesh};
+use std::sync::{Arc, Mutex};
 
 fn devices() -> Vec<String> {
     std::iter::once("reference".to_owned()).chain(device().map(|device| device.info.index.to_string())).collect()
@@ -238,4 +239,58 @@ fn what_cannot_be_told_is_refused() {
     let mut tracer = Tracer::builder(&scene).device("reference").method("bvh2+watertight").build().unwrap();
     let error = tracer.count_crossings(&[ray]).unwrap_err();
     assert!(error.to_string().contains("watertight") && error.to_string().contains("exact"), "{error}");
+}
+
+/// More points than a run of a processor has: the answers are those of few at a time, by one device and by several, and
+/// progress goes one way.
+#[test]
+fn many_points_and_rays_have_the_answers_of_few() {
+    let (_, closed) = meshes().into_iter().find(|(name, _)| *name == "hollow").unwrap();
+    let mesh = closed.mesh();
+    let (corners, mut random) = (mesh.corners(0), Random::new(SEED + 7));
+    // A third of some are on the surface. They are at both ends and at the border of two runs; the others are outside.
+    let point = |i: usize| if i.is_multiple_of(3) { corners[i % 9 / 3] } else { 1.2 * random.vec3() }.to_array();
+    let some: Vec<[f32; 3]> = (0..3000).map(point).collect();
+    let run = 1 << 18;
+    let mut points = vec![[50.0, 0.0, 0.0]; run + 2 * some.len()];
+    let places = [0, run - some.len() / 2, points.len() - some.len()].map(|at| at..at + some.len());
+    places.iter().for_each(|place| points[place.clone()].copy_from_slice(&some));
+    let rays_of = |points: &[[f32; 3]]| -> Vec<Ray> { points.iter().map(|&p| Ray::new(p, [0.3, -0.2, 1.0])).collect() };
+    let mut few = tracer_on("reference", mesh);
+    let inside = few.contains(&some).unwrap();
+    let count_of_some = inside.iter().filter(|inside| **inside).count();
+    assert!((1001..2900).contains(&count_of_some), "{count_of_some}");
+    let crossings = few.count_crossings(&rays_of(&some)).unwrap();
+    let several = device().map(|device| format!("{},reference", device.info.index));
+    for device in devices().into_iter().skip(1).chain(several) {
+        let told = Arc::new(Mutex::new(Vec::new()));
+        let tell = {
+            let told = told.clone();
+            move |done: f64| told.lock().unwrap().push(done)
+        };
+        let mut tracer = Tracer::builder(&mesh.scene()).device(&device).progress(tell).build().unwrap();
+        let assert_told = || {
+            let told = std::mem::take(&mut *told.lock().unwrap());
+            // Threads tell of what they have done side by side.
+            let goes_one_way = told.windows(2).all(|two| two[1] > two[0] - 0.01);
+            assert!(told.len() > 1 && goes_one_way, "{device}: {} times", told.len());
+            assert_eq!(told.iter().copied().fold(0.0, f64::max), 1.0, "{device}");
+        };
+        let found = tracer.contains(&points).unwrap();
+        assert_told();
+        assert_eq!(found.iter().filter(|inside| **inside).count(), 3 * count_of_some, "{device}");
+        let counted = tracer.count_crossings(&rays_of(&points)).unwrap();
+        assert_told();
+        assert_eq!(counted.iter().sum::<u32>(), 3 * crossings.iter().sum::<u32>(), "{device}");
+        for place in &places {
+            assert!(found[place.clone()] == inside && counted[place.clone()] == crossings, "{device}");
+        }
+        // Too few to be shared.
+        let distances = tracer.distances(&some).unwrap();
+        told.lock().unwrap().clear();
+        let signed = tracer.signed_distances(&some).unwrap();
+        assert_told();
+        let is_right = |i: usize| signed[i] == if inside[i] { -distances[i] } else { distances[i] };
+        assert!((0..some.len()).all(is_right), "{device}");
+    }
 }

@@ -67,7 +67,7 @@ impl<'a> Built<'a> {
         let tracer = |device: Option<DeviceHandle>, options: TraceOptions| {
             let found = self.structures.iter().find(|(known, _)| *known == options);
             let (buffers, cache) = (found.map(|(_, buffers)| buffers.clone()), cache.clone());
-            let is_processor = device.as_ref().is_none_or(|device| device.info.kind == DeviceKind::Cpu);
+            let is_processor = DeviceKind::is_processor(device.as_ref().map(|device| device.info.kind));
             let name = device.as_ref().map_or("reference".to_owned(), |device| device.info.name.clone());
             let open = move || {
                 let buffers = buffers.ok_or_else(|| Error::Scene("a structure is missing".to_owned()))?;

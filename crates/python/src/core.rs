@@ -76,10 +76,10 @@ impl Core {
             }
             let tracer = place.as_mut().expect("it was opened");
             let known = tracer.notes();
-            let mut parts = Parts::new(match (tracer.device_count(), tracer.device_kind()) {
-                (1, None | Some(DeviceKind::Cpu)) => AT_A_TIME_ON_CPU,
-                (1, Some(_)) => AT_A_TIME,
-                (several, _) => several * AT_A_TIME_OF_EACH,
+            let mut parts = Parts::new(match tracer.device_count() {
+                1 if DeviceKind::is_processor(tracer.device_kind()) => AT_A_TIME_ON_CPU,
+                1 => AT_A_TIME,
+                several => several * AT_A_TIME_OF_EACH,
             });
             let mut first = 0;
             while first < count {
