@@ -114,33 +114,49 @@ pub fn contains(
     progress: Progress,
 ) -> Result<Vec<bool>> {
     require_exact(backend.options().intersector)?;
+    contains_by(points, |asked, ray| match asked {
+        OfPoints::IsHit => {
+            let batch = buffers.batch(points.len(), ray, None);
+            Ok(backend.trace(&batch.job(true, 1), &|_| ())?.hits.iter().map(is_hit).collect())
+        }
+        OfPoints::IsOdd => trace_crossings(backend, buffers, points.len(), ray, budget, progress).map(are_odd),
+    })
+}
+
+/// What [`contains_by`] asks of a ray of each point: whether it hits anything, or crosses surfaces an odd number of
+/// times.
+#[derive(Clone, Copy)]
+pub(crate) enum OfPoints {
+    IsHit,
+    IsOdd,
+}
+
+/// How many questions [`contains_by`] asks.
+pub(crate) const QUESTIONS: usize = 4;
+
+/// [`contains`], with the answers of whatever traces.
+pub(crate) fn contains_by(
+    points: &[[f32; 3]],
+    mut answer: impl FnMut(OfPoints, &(dyn Fn(usize) -> (Vec3, Vec3, f32, f32) + Sync)) -> Result<Vec<bool>>,
+) -> Result<Vec<bool>> {
+    let mut ask = |asked, axis, t_max| answer(asked, &|i| (points[i].into(), axis, 0.0, t_max));
     let mut inside = vec![false; points.len()];
-    for axis in AXES {
-        let batch = buffers.batch(points.len(), |i| ray_at(points[i], axis), None);
-        let hits = backend.trace(&batch.job(true, 1), &|_| ())?.hits;
-        inside.iter_mut().zip(&hits).for_each(|(inside, hit)| *inside |= is_hit(hit));
+    // A ray without length hits what its point lies on: of three axes one at least is not in a triangle's plane.
+    let questions: [_; QUESTIONS] = [
+        (OfPoints::IsHit, Vec3::X, 0.0),
+        (OfPoints::IsHit, Vec3::Y, 0.0),
+        (OfPoints::IsHit, Vec3::Z, 0.0),
+        (OfPoints::IsOdd, Vec3::X, f32::INFINITY),
+    ];
+    for (asked, axis, t_max) in questions {
+        inside.iter_mut().zip(ask(asked, axis, t_max)?).for_each(|(inside, answer)| *inside |= answer);
     }
-    let crossings = trace_crossings(backend, buffers, points.len(), |i| ray_from(points[i]), budget, progress)?;
-    add_odd(&mut inside, &crossings);
     Ok(inside)
 }
 
-/// The directions of [`ray_at`]: of three axes one at least is not in a triangle's plane.
-pub(crate) const AXES: [Vec3; 3] = [Vec3::X, Vec3::Y, Vec3::Z];
-
-/// A ray without length, which hits the triangles that a point lies on, but for those in whose plane its direction is.
-pub(crate) fn ray_at(point: [f32; 3], direction: Vec3) -> (Vec3, Vec3, f32, f32) {
-    (point.into(), direction, 0.0, 0.0)
-}
-
-/// A ray that crosses a closed surface an odd number of times where it starts inside, and not on it.
-pub(crate) fn ray_from(point: [f32; 3]) -> (Vec3, Vec3, f32, f32) {
-    (point.into(), Vec3::X, 0.0, f32::INFINITY)
-}
-
-/// Adds the points whose rays have an odd number of crossings.
-pub(crate) fn add_odd(inside: &mut [bool], crossings: &[u32]) {
-    inside.iter_mut().zip(crossings).for_each(|(inside, count)| *inside |= count % 2 == 1);
+/// Of each number of crossings, whether it is odd.
+pub(crate) fn are_odd(crossings: Vec<u32>) -> Vec<bool> {
+    crossings.into_iter().map(|count| count % 2 == 1).collect()
 }
 
 /// A hit whose weights are all at least this is inside of its triangle; where one is less, it is looked at closely.

@@ -2,14 +2,14 @@
 //! device.
 
 use super::tracer::{Share, Tracer, WHOLE, in_share};
-use crate::crossings::{AXES, add_odd, contains, ray_at, ray_from, require_exact, trace_crossings};
+use crate::crossings::{OfPoints, QUESTIONS, are_odd, contains_by, require_exact, trace_crossings};
 use crate::device::DeviceKind;
 use crate::error::Result;
 use crate::parallel::{self, lock, unlocked};
 use crate::renderer::{Picture, PictureBlocks, render_by_several};
 use crate::runs::{Asked, BatchJob, RUN_RAYS, RaysOnDemand, RunRays, Runs, TracedRuns, trace_by_several, trace_runs};
 use crate::shared::Hit;
-use crate::streamed::{OfHit, WorldRay};
+use crate::streamed::{OfHit, WorldRay, trace_streamed};
 use crate::tracer::{AllHits, Finished, RayStream, RenderResult, Spent};
 use std::sync::Mutex;
 
@@ -39,7 +39,28 @@ impl Tracer {
     }
 
     /// What is wanted of one hit of each of `count` rays.
-    pub(super) fn hits_in_runs<T: OfHit>(&mut self, count: usize, ray: RayOf, asked: (Asked, Share)) -> Result<Vec<T>> {
+    pub(super) fn hits<T: OfHit>(
+        &mut self,
+        count: usize,
+        ray: impl Fn(usize) -> WorldRay + Sync,
+        (asked, share): (Asked, Share),
+    ) -> Result<Vec<T>> {
+        if self.goes_in_runs(count) {
+            return self.hits_in_runs(count, &ray, (asked, share));
+        }
+        let (any_hit, buffers, mut batch) = (asked == Asked::Any, self.buffers.clone(), None);
+        self.timed(self.depth, |backend, progress| {
+            let progress = in_share(progress, share);
+            let streamed = trace_streamed((&mut *backend, &buffers), (count, &ray), any_hit, &progress)?;
+            if let Some(found) = streamed {
+                return Ok(found);
+            }
+            let batch = batch.get_or_insert_with(|| buffers.batch(count, &ray, None));
+            backend.trace(&batch.job(any_hit, 1), &progress).map(|traced| T::of_all(traced.hits))
+        })
+    }
+
+    fn hits_in_runs<T: OfHit>(&mut self, count: usize, ray: RayOf, asked: (Asked, Share)) -> Result<Vec<T>> {
         let (traced, all) = parallel::filled((count, RayStream::PIECE), |room| {
             let take = |first: usize, hits: &[Hit]| room.put(first, hits.iter().map(T::of));
             self.trace_in_runs(count, &RaysOnDemand::taken_by(ray, &take), asked, &|_| Ok(()))
@@ -92,23 +113,16 @@ impl Tracer {
 
     /// Whether each point is inside of the scene, which is closed, or on its surface.
     pub(super) fn are_inside(&mut self, points: &[[f32; 3]], share: Share) -> Result<Vec<bool>> {
-        if !self.goes_in_runs(points.len()) {
-            let (buffers, budget) = (self.buffers.clone(), self.chosen.limit);
-            return self.timed(self.depth, |backend, progress| {
-                contains(backend, &buffers, points, budget, &in_share(progress, share))
-            });
-        }
-        let step = (share.1 - share.0) / (AXES.len() + 1) as f64;
-        let mut inside = vec![false; points.len()];
+        let (count, step) = (points.len(), (share.1 - share.0) / QUESTIONS as f64);
         let mut from = share.0;
-        for axis in AXES {
-            let on_surface = |i: usize| ray_at(points[i], axis);
-            let hits: Vec<bool> = self.hits_in_runs(points.len(), &on_surface, (Asked::Any, (from, from + step)))?;
-            inside.iter_mut().zip(hits).for_each(|(inside, is_hit)| *inside |= is_hit);
-            from += step;
-        }
-        add_odd(&mut inside, &self.crossings(points.len(), &|i| ray_from(points[i]), (from, share.1))?);
-        Ok(inside)
+        contains_by(points, |asked, ray| {
+            let now = (from, from + step);
+            from = now.1;
+            match asked {
+                OfPoints::IsHit => self.hits(count, ray, (Asked::Any, now)),
+                OfPoints::IsOdd => self.crossings(count, ray, now).map(are_odd),
+            }
+        })
     }
 
     fn trace_in_runs(

@@ -26,7 +26,7 @@ use crate::scene::{
 };
 use crate::several::{Devices, Watcher};
 use crate::shared;
-use crate::streamed::{OfHit, WorldRay, trace_streamed};
+use crate::streamed::{OfHit, WorldRay};
 use crate::tracer::{self, AllHitsJob, Backend, Progress};
 use crate::winding::WindingTree;
 use glam::Vec3;
@@ -476,20 +476,8 @@ impl Tracer {
 
     /// What is wanted of one hit of each ray.
     fn trace<T: OfHit>(&mut self, count: usize, ray: impl Fn(usize) -> Ray + Sync, any_hit: bool) -> Result<Vec<T>> {
-        let ray = |i| world_ray(ray(i));
         self.check_batch(count)?;
-        if self.goes_in_runs(count) {
-            return self.hits_in_runs(count, &ray, (if any_hit { Asked::Any } else { Asked::Closest }, WHOLE));
-        }
-        let (buffers, mut batch) = (self.buffers.clone(), None);
-        self.timed(self.depth, |backend, progress| {
-            let streamed = trace_streamed((&mut *backend, &buffers), (count, &ray), any_hit, progress)?;
-            if let Some(found) = streamed {
-                return Ok(found);
-            }
-            let batch = batch.get_or_insert_with(|| buffers.batch(count, ray, None));
-            backend.trace(&batch.job(any_hit, 1), progress).map(|traced| T::of_all(traced.hits))
-        })
+        self.hits(count, |i| world_ray(ray(i)), (if any_hit { Asked::Any } else { Asked::Closest }, WHOLE))
     }
 
     /// Checks that there is memory for so many rays.

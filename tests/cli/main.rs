@@ -329,7 +329,7 @@ fn devices_kernels_lists_every_kernel() {
     let folder = folder();
     let index = device.info.index.to_string();
     let run = |arguments: &[&str]| {
-        // Which PoCL compiles in half of the time.
+        // Kernels that PoCL compiles in half of the time.
         let device = ["--device", &index, "--compiler-options", "-cl-opt-disable"];
         let output = raybrook(folder.path(), &[&["devices", "--kernels"], &device[..], arguments].concat());
         assert!(output.status.success(), "{}", stderr(&output));
