@@ -32,8 +32,8 @@ bool are_in_one_axis_plane(float3 p0, float3 p1, float3 p2, float3 q0, float3 q1
 // What ties.cl tells of a triangle that step 2 leaves open, but for that it `is_hit`: beside the nearest hit so far the
 // lower number wins, and what lies in the plane that a ray leaves, or is that triangle once more, is met at t = 0,
 // which is not a hit.
-int decide_tie(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, float3 p1, float3 p2, uint primitive, const Hit* hit,
-               bool is_hit) {
+ONE_COPY int decide_tie(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, float3 p1, float3 p2, uint primitive,
+                        const Hit* hit, bool is_hit) {
     if (hit->primitive != NO_PRIMITIVE) {
         const float3 q0 = LOAD_SURFACE_VERTEX(geometry, hit->primitive, 0);
         const float3 q1 = LOAD_SURFACE_VERTEX(geometry, hit->primitive, 1);
@@ -54,8 +54,8 @@ int decide_tie(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, float3 p1, float3
 }
 
 // Whether a triangle that step 1 leaves open is the nearest hit so far; limits of its t.
-bool decide_undecided(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, float3 p1, float3 p2, uint primitive,
-                      const Hit* hit, float* t_low, float* t_high) {
+ONE_COPY bool decide_undecided(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, float3 p1, float3 p2, uint primitive,
+                               const Hit* hit, float* t_low, float* t_high) {
     COUNT(geometry, EXTENDED_TESTS, 1);
     const ExtendedDecision extended = decide_extended(ray->origin, ray->origin_low, ray->direction, p0, p1, p2);
     *t_low = extended.t_low;
@@ -102,7 +102,7 @@ INLINE void finish_closely(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, float
 
 // A triangle test of its own kind (HITS in cl/traverse/leaf.cl): what is kept of the nearest hit while the traversal
 // goes on are limits of its t, t above and u below.
-void test_exactly(GEOMETRY_PARAMETERS, const Ray* ray, uint primitive, uint slot, Hit* hit) {
+ONE_COPY void test_exactly(GEOMETRY_PARAMETERS, const Ray* ray, uint primitive, uint slot, Hit* hit) {
     if (IS_MET_AGAIN(primitive, hit)) return;
     const float3 p0 = LOAD_VERTEX(geometry, slot, 0);
     const float3 p1 = LOAD_VERTEX(geometry, slot, 1);
@@ -156,7 +156,7 @@ bool settle_exactly(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit
 // t in the caller's units, if it is wanted, and the weights of the triangle that a traversal has found: the floats
 // nearest to them. Not a hit's t that is not wanted; the weight of vertex 0 only if it is not the largest one, which
 // the others tell.
-SurfaceHit finish_hit(GEOMETRY_PARAMETERS, const Ray* ray, uint primitive, const bool wants_t, float* t) {
+ONE_COPY SurfaceHit finish_hit(GEOMETRY_PARAMETERS, const Ray* ray, uint primitive, const bool wants_t, float* t) {
     const float3 p0 = LOAD_SURFACE_VERTEX(geometry, primitive, 0);
     const float3 p1 = LOAD_SURFACE_VERTEX(geometry, primitive, 1);
     const float3 p2 = LOAD_SURFACE_VERTEX(geometry, primitive, 2);

@@ -27,7 +27,7 @@ float3 start_weights(const SurfaceHit* hit) {
 }
 
 // Where the hit lies: all that a ray needs to leave from there.
-SurfacePoint surface_point(GEOMETRY_PARAMETERS, const SurfaceHit* hit) {
+ONE_COPY SurfacePoint surface_point(GEOMETRY_PARAMETERS, const SurfaceHit* hit) {
     const float3 p0 = LOAD_SURFACE_VERTEX(geometry, hit->primitive, 0);
     const float3 p1 = LOAD_SURFACE_VERTEX(geometry, hit->primitive, 1);
     const float3 p2 = LOAD_SURFACE_VERTEX(geometry, hit->primitive, 2);
@@ -93,7 +93,7 @@ void lift_point(SurfacePoint* point, float3 lift) {
 // hits that is all: what contains that point, too, is met at t = 0 and not hit. Rounded tests meet such neighbours,
 // which share an edge or vertex, at a distance of at most point.error on an axis along which the ray advances at least
 // 1 per unit of t: twice that covers it where the surface is left at more than a grazing angle.
-Ray leave_surface(const SurfacePoint* point, float3 direction, float t_far) {
+ONE_COPY Ray leave_surface(const SurfacePoint* point, float3 direction, float t_far) {
     Ray ray = make_ray(point->position, direction, 0.0f, t_far, point->primitive);
     ray.origin_low = point->position_low;
     ray.start_weights = point->weights;

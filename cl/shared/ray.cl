@@ -171,7 +171,7 @@ bool aim_ray(Ray* ray, float3 origin, float3 direction, uint skip) {
 }
 
 // A ray with its limits. One that is not sound gets an empty interval: it misses everything.
-Ray make_ray(float3 origin, float3 direction, float t_near, float t_far, uint skip) {
+ONE_COPY Ray make_ray(float3 origin, float3 direction, float t_near, float t_far, uint skip) {
     Ray ray;
     const bool sound = aim_ray(&ray, origin, direction, skip);
     limit_ray(&ray, sound && t_near <= t_far, t_near, t_far);
@@ -264,7 +264,7 @@ bool is_nearest_vertex0(float u, float v) {
 
 // Where a ray starts that leaves a triangle: the exact point, rounded to *high, and the rest, rounded to *low
 // (rounding_errors.cl).
-void start_on_triangle(const TrianglePoint* point, float3* high, float3* low) {
+ONE_COPY void start_on_triangle(const TrianglePoint* point, float3* high, float3* low) {
     point_of_triangle3(point->base, point->other1, point->other2, point->weight1, point->weight2, high, low);
 }
 
