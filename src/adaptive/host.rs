@@ -1,6 +1,6 @@
 //! Pictures of bounded error whose pixels the host keeps, one area after the other.
 
-use super::patch::{LATTICE_ERROR, Lattice, Patch, by_tiles, next_samples};
+use super::patch::{FirstSamples, LATTICE_ERROR, Lattice, Patch, by_tiles, next_samples};
 use super::promises::{Choice, Promises};
 use super::shown::{display_steps, mean_of, squared, variance_of_mean};
 use super::{Done, Pixels, refine, sample_sequence};
@@ -114,6 +114,9 @@ impl<'a> Tracing<'a> {
         let mut area = AreaPixels::new(self, wanted);
         area.begin()?;
         let groups = groups_of(wanted.len(), start.elapsed());
+        if groups > 1 {
+            area.keep_patches();
+        }
         for group in 0..groups {
             let range = group * wanted.len() / groups..(group + 1) * wanted.len() / groups;
             let pixels: Vec<u64> = area.blocks[range.clone()].iter().map(Block::pixels).collect();
@@ -182,6 +185,11 @@ impl Tracing<'_> {
     /// Pixels of a row of the film.
     fn width(&self) -> usize {
         self.result.film.width as usize
+    }
+
+    /// What an area's film has until it has what became of its blocks.
+    fn first_samples<'s>(&'s self, area: &'s Area, lattice: &'s Lattice, side: usize) -> FirstSamples<'s> {
+        FirstSamples { film: &self.result.film.pixels, width: self.width(), area, lattice, side }
     }
 
     /// Counts the time of what the host does.
@@ -308,7 +316,35 @@ struct Block {
     /// Where its patches lie on the film.
     places: Vec<Area>,
     /// What is known of them.
-    patches: Vec<Option<Patch>>,
+    patches: Vec<Known>,
+}
+
+/// What is known of a patch. In most no pixel is ever chosen: the few that are looked at again are sooner made anew of
+/// the film than all are kept, which took as long as everything else that is decided.
+enum Known {
+    /// Nothing yet.
+    Nothing,
+    /// That nothing is ever to be done.
+    IsDone,
+    /// The highest class of its pixels, which have their first samples and no others.
+    Highest(usize),
+    /// Everything.
+    All(Box<Patch>),
+}
+
+impl Known {
+    /// Of a patch, unless nothing is ever to be done there.
+    fn all(patch: Option<Patch>) -> Known {
+        patch.map_or(Known::IsDone, |patch| Known::All(Box::new(patch)))
+    }
+
+    /// Everything, where that is kept.
+    fn patch(&mut self) -> Option<&mut Patch> {
+        match self {
+            Known::All(patch) => Some(patch),
+            _ => None,
+        }
+    }
 }
 
 impl Block {
@@ -343,7 +379,7 @@ impl<'a, 't> AreaPixels<'a, 't> {
         wanted.iter().flat_map(|block| &patches[of_area(block)]).for_each(|&patch| is_wanted[patch] = true);
         let of_block = |block: &usize| {
             let places = patches[of_area(block)].iter().map(|&number| place.patch(number, blocks.patch_side)).collect();
-            Block { places, patches: Vec::new() }
+            Block { patches: patches[of_area(block)].iter().map(|_| Known::Nothing).collect(), places }
         };
         AreaPixels {
             side: blocks.patch_side,
@@ -361,19 +397,28 @@ impl<'a, 't> AreaPixels<'a, 't> {
             true => self.tracing.trace_area(&self.place)?,
             false => self.trace_lattice()?,
         }
+        let AreaPixels { tracing, place, lattice, .. } = self;
+        if lattice.step > 1 {
+            tracing.on_host(|tracing| {
+                let width = tracing.width();
+                lattice.cells = interpolate(&mut tracing.result.film.pixels, width, place, lattice);
+            });
+        }
+        Ok(())
+    }
+
+    /// Keeps what the first samples say of all blocks, before the film has what becomes of some.
+    fn keep_patches(&mut self) {
         let AreaPixels { tracing, place, side, lattice, blocks, .. } = self;
         tracing.on_host(|tracing| {
-            let width = tracing.width();
-            let film = &mut tracing.result.film.pixels;
-            if lattice.step > 1 {
-                lattice.cells = interpolate(film, width, place, lattice);
-            }
+            let samples = tracing.first_samples(place, lattice, *side);
             parallel::each(blocks.iter_mut(), |block| {
-                let patch = |at: &Area| Patch::new(film, width, place, at, *side, lattice);
-                block.patches = block.places.iter().map(patch).collect();
+                for (known, at) in block.patches.iter_mut().zip(&block.places) {
+                    let mut patch = Patch::room(*side);
+                    *known = Known::all(patch.fill(samples, at).then_some(patch));
+                }
             });
         });
-        Ok(())
     }
 
     /// Takes the first samples of the points of the lattice that the blocks need.
@@ -388,16 +433,19 @@ impl<'a, 't> AreaPixels<'a, 't> {
 
     /// Keeps how the pixels of some blocks were sampled, where that is asked for.
     fn note_sampling(&mut self, range: Range<usize>) {
-        let AreaPixels { tracing, place, lattice, blocks, .. } = self;
+        let AreaPixels { tracing, place, side, lattice, blocks, .. } = self;
         let width = tracing.width();
-        let Some(sampling) = &mut tracing.result.sampling else { return };
+        let RenderResult { film, sampling: Some(sampling), .. } = &mut tracing.result else { return };
+        let samples = FirstSamples { film: &film.pixels, width, area: place, lattice, side: *side };
         let patches = blocks[range].iter().flat_map(|block| block.places.iter().zip(&block.patches));
-        for (at, patch) in patches {
+        for (at, known) in patches {
+            let of_first = if let Known::Highest(_) = known { Patch::estimated(samples, at) } else { None };
+            let patch = if let Known::All(patch) = known { Some(&**patch) } else { of_first.as_ref() };
             for (y, x) in at.y.clone().flat_map(|y| at.x.clone().map(move |x| (y, x))) {
                 // Of a patch of one colour nothing is known but its first samples.
                 let first = || lattice.has((x - place.x.start, y - place.y.start), place.size());
                 let in_patch = (x - at.x.start, y - at.y.start);
-                let (level, squared) = patch.as_ref().map_or_else(|| (first().into(), 0.0), |p| p.sampled(in_patch));
+                let (level, squared) = patch.map_or_else(|| (first().into(), 0.0), |p| p.sampled(in_patch));
                 sampling.samples[y * width + x] = LEVEL_SAMPLES[usize::from(level)];
                 sampling.errors[y * width + x] = squared.sqrt();
             }
@@ -410,11 +458,12 @@ impl<'a, 't> AreaPixels<'a, 't> {
         tracing.on_host(|tracing| {
             let width = tracing.width();
             let (columns, rows) = place.patches(*side);
-            let mut patches: Vec<Vec<(usize, Patch)>> = (0..rows).map(|_| Vec::with_capacity(columns)).collect();
+            let mut patches: Vec<Vec<(usize, Box<Patch>)>> = (0..rows).map(|_| Vec::with_capacity(columns)).collect();
             for block in &mut blocks[range] {
-                for (at, patch) in block.places.iter().zip(std::mem::take(&mut block.patches)) {
-                    let row = &mut patches[(at.y.start - place.y.start) / *side];
-                    row.extend(patch.map(|patch| (at.x.start, patch)));
+                for (at, known) in block.places.iter().zip(std::mem::take(&mut block.patches)) {
+                    if let Known::All(patch) = known {
+                        patches[(at.y.start - place.y.start) / *side].push((at.x.start, patch));
+                    }
                 }
             }
             let film = &mut tracing.result.film.pixels[place.y.start * width..place.y.end * width];
@@ -440,15 +489,21 @@ impl Pixels for Group<'_, '_, '_> {
     }
 
     fn raise(&mut self, choices: &[Choice]) -> Result<()> {
-        let AreaPixels { tracing, side, lattice, blocks, .. } = &mut *self.area;
+        let AreaPixels { tracing, place, side, lattice, blocks, .. } = &mut *self.area;
         let blocks = &mut blocks[self.range.clone()];
-        let listed: Vec<Vec<Listed>> = tracing.on_host(|_| {
-            parallel::map(blocks.iter().zip(choices).enumerate(), |(number, (block, choice))| {
-                let of_patch = |(slot, patch): (usize, &Option<Patch>)| {
-                    let pixels = patch.as_ref()?.chosen(*choice);
-                    (!pixels.is_empty()).then(|| Listed::new((number, slot), block.places[slot].clone(), *side, pixels))
+        let listed: Vec<Vec<Listed>> = tracing.on_host(|tracing| {
+            let samples = tracing.first_samples(place, lattice, *side);
+            parallel::map(blocks.iter_mut().zip(choices).enumerate(), |(number, (block, choice))| {
+                let of_patch = |(slot, (known, at)): (usize, (&mut Known, &Area))| {
+                    if let Known::Highest(highest) = known
+                        && *highest >= choice.lowest
+                    {
+                        *known = Known::all(Patch::estimated(samples, at));
+                    }
+                    let pixels = known.patch()?.chosen(*choice);
+                    (!pixels.is_empty()).then(|| Listed::new((number, slot), at.clone(), *side, pixels))
                 };
-                block.patches.iter().enumerate().filter_map(of_patch).collect()
+                block.patches.iter_mut().zip(&block.places).enumerate().filter_map(of_patch).collect()
             })
         });
         let listed: Vec<Listed> = listed.into_iter().flatten().collect();
@@ -462,7 +517,7 @@ impl Pixels for Group<'_, '_, '_> {
             parallel::each(groups.into_iter(), |(block, group)| {
                 let Some((listed, radiances)) = group else { return };
                 for (listed, radiances) in by_groups(listed, radiances, |listed| listed.patch.1) {
-                    if let Some(patch) = &mut block.patches[listed[0].patch.1] {
+                    if let Some(patch) = block.patches[listed[0].patch.1].patch() {
                         take_samples(patch, &listed[0], radiances, is_interpolated, (film, width));
                     }
                 }
@@ -471,11 +526,28 @@ impl Pixels for Group<'_, '_, '_> {
     }
 
     fn update(&mut self) -> Result<&[Promises]> {
-        let AreaPixels { tracing, lattice, blocks, .. } = &mut *self.area;
+        let AreaPixels { tracing, place, side, lattice, blocks, .. } = &mut *self.area;
         let (blocks, promises) = (&mut blocks[self.range.clone()], &mut self.promises);
-        tracing.on_host(|_| {
+        tracing.on_host(|tracing| {
+            let samples = tracing.first_samples(place, lattice, *side);
             parallel::each(blocks.iter_mut().zip(promises.iter_mut()), |(block, promises)| {
-                block.patches.iter_mut().flatten().for_each(|patch| patch.update(lattice, promises));
+                let mut room = None;
+                for (known, at) in block.patches.iter_mut().zip(&block.places) {
+                    match known {
+                        Known::All(patch) => patch.update(lattice, promises),
+                        Known::IsDone | Known::Highest(_) => {}
+                        Known::Nothing => {
+                            let patch = room.get_or_insert_with(|| Patch::room(*side));
+                            *known = match patch.fill(samples, at) {
+                                true => {
+                                    patch.update(lattice, promises);
+                                    Known::Highest(patch.highest())
+                                }
+                                false => Known::IsDone,
+                            };
+                        }
+                    }
+                }
             });
         });
         Ok(promises)

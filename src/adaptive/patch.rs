@@ -68,6 +68,20 @@ impl Lattice {
     }
 }
 
+/// The first samples of an area, and what lies between them.
+#[derive(Clone, Copy)]
+pub struct FirstSamples<'a> {
+    /// The pixels of a picture.
+    pub film: &'a [[f32; 3]],
+    /// Pixels of a row of it.
+    pub width: usize,
+    /// Where the area lies there.
+    pub area: &'a Area,
+    pub lattice: &'a Lattice,
+    /// Pixels of a whole patch's side.
+    pub side: usize,
+}
+
 /// What is known of the pixels of a patch. They are numbered row by row, in rows as long as a whole patch.
 pub struct Patch {
     /// Pixels of a whole patch's side; at the border of an area it may be smaller.
@@ -97,17 +111,36 @@ pub struct Patch {
 }
 
 impl Patch {
-    /// The patch `place`, of this side, of an area whose first samples, and what lies between them, are in `film`, a
-    /// picture of `width`. None where all its pixels and those around it are the same, so that nothing is ever to be
-    /// done.
-    pub fn new(
-        film: &[[f32; 3]],
-        width: usize,
-        area: &Area,
-        place: &Area,
-        side: usize,
-        lattice: &Lattice,
-    ) -> Option<Patch> {
+    /// Room for a patch of this side.
+    pub fn room(side: usize) -> Patch {
+        let ring = (side + 2) * (side + 2);
+        Patch {
+            side,
+            first: (0, 0),
+            size: (0, 0),
+            shown: [zeroed_vec(ring), zeroed_vec(ring), zeroed_vec(ring)],
+            own: zeroed_vec(side * side),
+            errors: zeroed_vec(side * side),
+            levels: zeroed_vec(side * side),
+            news: vec![0; side],
+            is_estimated: false,
+            has_means: false,
+            highest: 0,
+            sums: Vec::new(),
+        }
+    }
+
+    /// The patch `place`, with its errors estimated. None where nothing is ever to be done, as [`Patch::fill`] has it.
+    pub fn estimated(samples: FirstSamples, place: &Area) -> Option<Patch> {
+        let mut patch = Patch::room(samples.side);
+        // Its block has counted them.
+        patch.fill(samples, place).then(|| patch.update(samples.lattice, &mut Promises::default()))?;
+        Some(patch)
+    }
+
+    /// Becomes the patch `place` with the first samples, in place of one that has never had others. Not where all its
+    /// pixels and those around it are the same, so that nothing is ever to be done.
+    pub fn fill(&mut self, FirstSamples { film, width, area, lattice, side }: FirstSamples, place: &Area) -> bool {
         let columns = place.x.start.saturating_sub(1).max(area.x.start)..area.x.end.min(place.x.end + 1);
         let rows = place.y.start.saturating_sub(1).max(area.y.start)..area.y.end.min(place.y.end + 1);
         let row = |y: usize| &film[y * width..][columns.clone()];
@@ -118,31 +151,20 @@ impl Patch {
         if rows.clone().all(|y| row(y).iter().all(|pixel| *pixel == corner))
             && (lattice.cells.is_empty() || pixels().all(|(x, y)| lattice.error(first.0 + x, first.1 + y) == 0.0))
         {
-            return None;
+            return false;
         }
+        (self.first, self.size, self.is_estimated) = (first, size, false);
         let ring = side + 2;
-        let has_all_around = rows.len() == ring && columns.len() == ring;
-        // Memory that is taken when it is written.
-        let shown = || if has_all_around { zeroed_vec(ring * ring) } else { vec![f32::NAN; ring * ring] };
-        let mut patch = Patch {
-            side,
-            first,
-            size,
-            shown: [shown(), shown(), shown()],
-            own: zeroed_vec(side * side),
-            errors: zeroed_vec(side * side),
-            levels: zeroed_vec(side * side),
-            news: vec![0; side],
-            is_estimated: false,
-            has_means: false,
-            highest: 0,
-            sums: Vec::new(),
-        };
+        if rows.len() < ring || columns.len() < ring {
+            self.shown.iter_mut().for_each(|channel| channel.fill(f32::NAN));
+            self.errors.fill(0.0);
+            self.levels.fill(0);
+        }
         // Pixels in a row are often the same.
         let (mut last, mut shown) = (corner, display_steps(corner));
-        for y in rows.clone() {
+        for y in rows {
             let to = (y + 1 - place.y.start) * ring + columns.start + 1 - place.x.start;
-            let [red, green, blue] = patch.shown.each_mut().map(|channel| &mut channel[to..]);
+            let [red, green, blue] = self.shown.each_mut().map(|channel| &mut channel[to..]);
             for (((&pixel, red), green), blue) in row(y).iter().zip(red).zip(green).zip(blue) {
                 if pixel != last {
                     (last, shown) = (pixel, display_steps(pixel));
@@ -150,10 +172,19 @@ impl Patch {
                 [*red, *green, *blue] = shown;
             }
         }
-        for (x, y) in pixels() {
-            patch.levels[y * side + x] = u8::from(lattice.has((first.0 + x, first.1 + y), area.size()));
+        if lattice.step == 1 {
+            self.levels.chunks_mut(side).take(size.1).for_each(|row| row[..size.0].fill(1));
+        } else {
+            for (x, y) in pixels() {
+                self.levels[y * side + x] = u8::from(lattice.has((first.0 + x, first.1 + y), area.size()));
+            }
         }
-        Some(patch)
+        true
+    }
+
+    /// The highest class of a pixel.
+    pub fn highest(&self) -> usize {
+        self.highest
     }
 
     /// Place of a pixel in what is shown.
@@ -213,6 +244,9 @@ impl Patch {
         if self.is_estimated && self.news.iter().all(|news| *news == 0) {
             return;
         }
+        if !self.is_estimated && lattice.step == 1 {
+            return self.estimate_first_samples(promises);
+        }
         for y in 0..self.size.1 {
             let mut near = self.near_news(y);
             if near == 0 {
@@ -240,6 +274,24 @@ impl Patch {
         self.is_estimated = true;
         let classes = self.errors.iter().zip(&self.levels).filter_map(|(error, level)| class(*level, *error));
         self.highest = classes.max().unwrap_or(0);
+    }
+
+    /// The same where each pixel has its first sample and no other: [`Patch::estimate`] is then a part of the contrast.
+    fn estimate_first_samples(&mut self, promises: &mut Promises) {
+        let (mut most, (width, height)) = (0f32, self.size);
+        for y in 0..height {
+            let contrasts = self.contrasts(y);
+            let errors = &mut self.errors[y * self.side..][..width];
+            for (error, contrast) in errors.iter_mut().zip(contrasts) {
+                *error = PARTS[1][1] * contrast;
+            }
+            for &error in errors.iter().filter(|error| **error > 0.0) {
+                promises.count(1, error);
+                most = most.max(error);
+            }
+        }
+        self.is_estimated = true;
+        self.highest = class(1, most).unwrap_or(0);
     }
 
     /// Which pixels of a row are new or beside a new one.
@@ -416,7 +468,11 @@ mod tests {
             let side = 32 * step;
             for number in 0..area.patches(side).0 * area.patches(side).1 {
                 let place = area.patch(number, side);
-                let Some(mut patch) = Patch::new(&film, width, &area, &place, side, &lattice) else { continue };
+                let samples = FirstSamples { film: &film, width, area: &area, lattice: &lattice, side };
+                let mut patch = Patch::room(side);
+                if !patch.fill(samples, &place) {
+                    continue;
+                }
                 let mut kept = Promises::default();
                 for one_in in [1, 3, 20, 200, 2000, 2, 1] {
                     patch.update(&lattice, &mut kept);
@@ -437,12 +493,40 @@ mod tests {
         }
     }
 
+    /// The last patches of an area are smaller than those before.
+    #[test]
+    fn nothing_is_left_in_a_room_of_the_patch_before() {
+        let mut random = Random::new(6);
+        for step in [1, 4] {
+            let (side, size) = (32 * step, (80 * step + 3, 40 * step + 1));
+            let area = Area { x: 2..2 + size.0, y: 1..1 + size.1 };
+            let width = size.0 + 4;
+            let film: Vec<[f32; 3]> = (0..width * (size.1 + 2)).map(|_| colour(&mut random)).collect();
+            let columns = (size.0 - 1) / step + 1;
+            let cells = (0..columns * ((size.1 - 1) / step + 1)).map(|_| 9.0 * random.unit()).collect();
+            let lattice = Lattice { step, cells: if step > 1 { cells } else { Vec::new() }, columns };
+            let samples = FirstSamples { film: &film, width, area: &area, lattice: &lattice, side };
+            let (mut room, count) = (Patch::room(side), area.patches(side).0 * area.patches(side).1);
+            assert_eq!(count, 6);
+            for number in (0..count).chain((0..count).rev()) {
+                let (place, mut counted) = (area.patch(number, side), Promises::default());
+                assert!(room.fill(samples, &place));
+                room.update(&lattice, &mut counted);
+                assert!(counted == promises(&room, &lattice), "{number}, lattice {step}");
+                let alone = Patch::estimated(samples, &place).unwrap();
+                assert_eq!((room.highest, &room.levels, &room.errors), (alone.highest, &alone.levels, &alone.errors));
+                assert!(room.highest > 0 && room.chosen(Choice { lowest: 1, only_interpolated: false }).len() > 9);
+            }
+        }
+    }
+
     #[test]
     fn where_all_is_the_same_nothing_is_to_be_done() {
         let area = Area { x: 0..40, y: 0..40 };
         let lattice = Lattice { step: 1, cells: Vec::new(), columns: 40 };
         let known = |film: &[[f32; 3]]| {
-            let patch = |number| Patch::new(film, 40, &area, &area.patch(number, 32), 32, &lattice).is_some();
+            let samples = FirstSamples { film, width: 40, area: &area, lattice: &lattice, side: 32 };
+            let patch = |number| Patch::estimated(samples, &area.patch(number, 32)).is_some();
             [0, 1, 2, 3].map(patch)
         };
         let mut film = vec![[0.5; 3]; 40 * 40];
@@ -454,6 +538,8 @@ mod tests {
         film[32 * 40 + 30] = [0.6; 3];
         assert_eq!(known(&film), [true, false, true, false]);
         let coarse = Lattice { step: 4, cells: vec![0.1; 100], columns: 10 };
-        assert!(Patch::new(&[[0.5; 3]; 1600], 40, &area, &area.patch(0, 32), 32, &coarse).is_some());
+        let film = [[0.5; 3]; 1600];
+        let samples = FirstSamples { film: &film, width: 40, area: &area, lattice: &coarse, side: 32 };
+        assert!(Patch::estimated(samples, &area.patch(0, 32)).is_some());
     }
 }
