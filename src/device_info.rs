@@ -121,9 +121,14 @@ impl DeviceInfo {
         self.unusable.is_none()
     }
 
+    /// Whether the driver is PoCL.
+    pub(crate) fn is_pocl(&self) -> bool {
+        self.platform_name == POCL
+    }
+
     /// Whether the driver keeps compiled kernels by itself: PoCL does, unless `POCL_KERNEL_CACHE` is 0.
     pub fn keeps_kernels(&self) -> bool {
-        self.platform_name == POCL && std::env::var_os(POCL_KERNEL_CACHE).is_none_or(|value| value != "0")
+        self.is_pocl() && std::env::var_os(POCL_KERNEL_CACHE).is_none_or(|value| value != "0")
     }
 }
 

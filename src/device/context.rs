@@ -5,6 +5,7 @@ use super::handle::Owned;
 use super::kept_programs::KeptPrograms;
 use super::owner::Owner;
 use super::staging::{STAGING_BYTES, Staging};
+use super::turns::{Turn, Turns};
 use super::watchdog::{Limit, Watched, watch};
 use crate::device_info::{DeviceInfo, DeviceKind};
 use crate::error::{Error, Result};
@@ -111,6 +112,8 @@ pub(super) struct Shared {
     pub context: Owned<Context>,
     /// Whether a call failed: who opens the device next is to have a context that nothing has happened to.
     pub has_failed: AtomicBool,
+    /// Whose kernels run, where that is one queue at a time.
+    turns: Option<Arc<Turns>>,
 }
 
 impl Shared {
@@ -135,7 +138,8 @@ impl Shared {
         let context = Context::from_device(&handle.device).map(|context| Owned::new(context, &owner));
         drop(watched);
         let context = context.map_err(|e| cl_error(&handle.info.name, "clCreateContext", e))?;
-        Ok(Shared { programs: Mutex::default(), context, has_failed: AtomicBool::new(false) })
+        let turns = handle.info.is_pocl().then(Arc::default);
+        Ok(Shared { programs: Mutex::default(), context, has_failed: AtomicBool::new(false), turns })
     }
 }
 
@@ -263,6 +267,15 @@ impl DeviceContext {
     pub(super) fn check_stop(&self) -> Result<()> {
         let is_stopped = self.stop_flag().as_ref().is_some_and(|stop| stop.load(Ordering::Relaxed));
         if is_stopped { Err(Error::Stopped) } else { Ok(()) }
+    }
+
+    /// Waits until a kernel may be started, where only one queue's run at a time.
+    ///
+    /// # Errors
+    /// [`Error::Stopped`].
+    pub(super) fn take_turn(&self) -> Result<Option<Turn>> {
+        let Some(turns) = &self.0.shared.turns else { return Ok(None) };
+        turns.take(Arc::as_ptr(&self.0) as usize, || self.check_stop())
     }
 
     fn stop_flag(&self) -> MutexGuard<'_, Option<Arc<AtomicBool>>> {

@@ -2,10 +2,13 @@
 
 use super::DeviceContext;
 use super::handle::Owned;
+use super::turns::Turn;
 use super::watchdog::{Limit, watch};
 use crate::error::{Error, Result};
+use crate::parallel::lock;
 use opencl3::error_codes::ClError;
 use opencl3::event::Event as ClEvent;
+use std::sync::Mutex;
 use std::time::Instant;
 
 /// A command that was started.
@@ -19,18 +22,21 @@ pub struct Event {
     number: u64,
     started: Instant,
     limit: Limit,
+    /// Kept until the command has ended.
+    turn: Mutex<Option<Turn>>,
 }
 
 impl Event {
     pub(super) fn new(context: DeviceContext, call: String, event: ClEvent) -> Self {
         let number = context.0.owner.start_command();
         let raw = Some(Owned::new(event, &context.0.owner));
-        Event { raw, call, context, number, started: Instant::now(), limit: Limit::Commands }
+        Event { raw, number, ..Event::of_nothing(context, call) }
     }
 
     /// A command that has nothing to do.
     pub(super) fn of_nothing(context: DeviceContext, call: String) -> Self {
-        Event { raw: None, call, context, number: 0, started: Instant::now(), limit: Limit::Commands }
+        let (started, limit, turn) = (Instant::now(), Limit::Commands, Mutex::default());
+        Event { raw: None, call, context, number: 0, started, limit, turn }
     }
 
     /// The error that a transfer ended with, which the host has waited for, if it did: some drivers return success from
@@ -49,6 +55,11 @@ impl Event {
         Event { limit: seconds.map_or(Limit::Commands, Limit::Estimate), ..self }
     }
 
+    /// The same command, which began in a turn.
+    pub(super) fn in_turn(self, turn: Option<Turn>) -> Self {
+        Event { turn: Mutex::new(turn), ..self }
+    }
+
     /// Waits until the command is done; the seconds that it ran on the device, by the device's own clock. Where the
     /// device refuses to time its commands ([`DeviceContext::has_clock`]) they are the host's, from when it was
     /// started, the commands before it included.
@@ -60,6 +71,7 @@ impl Event {
         let watched = watch(&self.context.0.owner, "clWaitForEvents", self.limit);
         // Its code only says that some event failed: the event's own status, asked for next, says why.
         let waited = watched.call(|| event.wait());
+        *lock(&self.turn) = None;
         self.check()?;
         waited.map_err(|e| self.error_of("clWaitForEvents", e))?;
         self.context.0.owner.command_done(self.number);

@@ -167,6 +167,7 @@ impl Kernel {
         if global.contains(&0) {
             return Ok(Event::of_nothing(self.context.clone(), call));
         }
+        let turn = self.context.take_turn()?;
         let local_sizes = local.map_or(ptr::null(), <[usize]>::as_ptr);
         // PoCL compiles kernels once more when they are started; simulators may run them at once.
         let watched = watch(&self.context.0.owner, "clEnqueueNDRangeKernel", Limit::Commands);
@@ -183,7 +184,7 @@ impl Kernel {
             }
             _ => self.context.error(&call, e),
         })?;
-        let event = Event::new(self.context.clone(), call, event);
+        let event = Event::new(self.context.clone(), call, event).in_turn(turn);
         let watched = watch(&self.context.0.owner, "clFlush", Limit::Commands);
         // Without this some drivers do not start before somebody waits, and the host's work would not overlap.
         watched.call(|| self.context.0.queue.flush()).map_err(|e| event.error_of("clFlush", e))?;

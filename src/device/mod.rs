@@ -57,6 +57,7 @@ mod source;
 mod staging;
 mod stream;
 mod tracer;
+mod turns;
 mod watchdog;
 mod wavefront;
 

@@ -123,6 +123,22 @@ impl WavefrontPipeline {
         scene: &DeviceScene,
         picture: &PictureBuffers,
         params: &RenderParams,
+        shape: (usize, usize),
+        progress: Progress,
+    ) -> Result<Rendered> {
+        let rendered = self.render_by_steps(context, scene, picture, params, shape, progress);
+        if rendered.is_err() {
+            self.steps().for_each(Step::forget);
+        }
+        rendered
+    }
+
+    fn render_by_steps(
+        &mut self,
+        context: &DeviceContext,
+        scene: &DeviceScene,
+        picture: &PictureBuffers,
+        params: &RenderParams,
         (first_items, work_group): (usize, usize),
         progress: Progress,
     ) -> Result<Rendered> {
