@@ -434,9 +434,8 @@ impl<'a, 't> AreaPixels<'a, 't> {
     /// Keeps how the pixels of some blocks were sampled, where that is asked for.
     fn note_sampling(&mut self, range: Range<usize>) {
         let AreaPixels { tracing, place, side, lattice, blocks, .. } = self;
-        let width = tracing.width();
-        let RenderResult { film, sampling: Some(sampling), .. } = &mut tracing.result else { return };
-        let samples = FirstSamples { film: &film.pixels, width, area: place, lattice, side: *side };
+        let Some(mut sampling) = tracing.result.sampling.take() else { return };
+        let (width, samples) = (tracing.width(), tracing.first_samples(place, lattice, *side));
         let patches = blocks[range].iter().flat_map(|block| block.places.iter().zip(&block.patches));
         for (at, known) in patches {
             let of_first = if let Known::Highest(_) = known { Patch::estimated(samples, at) } else { None };
@@ -450,6 +449,7 @@ impl<'a, 't> AreaPixels<'a, 't> {
                 sampling.errors[y * width + x] = squared.sqrt();
             }
         }
+        tracing.result.sampling = Some(sampling);
     }
 
     /// The film has what became of some blocks.

@@ -133,8 +133,11 @@ impl Patch {
     /// The patch `place`, with its errors estimated. None where nothing is ever to be done, as [`Patch::fill`] has it.
     pub fn estimated(samples: FirstSamples, place: &Area) -> Option<Patch> {
         let mut patch = Patch::room(samples.side);
+        if !patch.fill(samples, place) {
+            return None;
+        }
         // Its block has counted them.
-        patch.fill(samples, place).then(|| patch.update(samples.lattice, &mut Promises::default()))?;
+        patch.update(samples.lattice, &mut Promises::default());
         Some(patch)
     }
 
@@ -426,6 +429,37 @@ mod tests {
         if random.below(8) > 0 { [0.25; 3] } else { std::array::from_fn(|_| random.unit()) }
     }
 
+    /// An area of a picture, whose first samples are made up.
+    struct Sampled {
+        area: Area,
+        width: usize,
+        film: Vec<[f32; 3]>,
+        lattice: Lattice,
+    }
+
+    impl Sampled {
+        fn new(random: &mut Random, size: (usize, usize), step: usize) -> Sampled {
+            let area = Area { x: 3..3 + size.0, y: 2..2 + size.1 };
+            let width = size.0 + 5;
+            let film = (0..width * (size.1 + 4)).map(|_| colour(random)).collect();
+            let columns = (size.0 - 1) / step + 1;
+            let cells = (0..columns * ((size.1 - 1) / step + 1)).map(|_| 9.0 * random.unit()).collect();
+            let lattice = Lattice { step, cells: if step > 1 { cells } else { Vec::new() }, columns };
+            Sampled { area, width, film, lattice }
+        }
+
+        fn samples(&self) -> FirstSamples<'_> {
+            let Sampled { area, width, film, lattice } = self;
+            FirstSamples { film, width: *width, area, lattice, side: PATCH_SIDE * lattice.step }
+        }
+
+        fn places(&self) -> Vec<Area> {
+            let side = self.samples().side;
+            let (columns, rows) = self.area.patches(side);
+            (0..columns * rows).map(|number| self.area.patch(number, side)).collect()
+        }
+    }
+
     /// The largest squared second difference around a pixel of an area, of which `shown` knows what can be seen.
     fn contrast(shown: impl Fn(i64, i64) -> Option<[f32; 3]>, x: i64, y: i64) -> f32 {
         let here = shown(x, y).unwrap();
@@ -459,24 +493,17 @@ mod tests {
     fn what_is_updated_is_what_is_estimated_anew() {
         let mut random = Random::new(5);
         for (size, step) in [((1, 1), 1), ((7, 9), 1), ((33, 50), 1), ((64, 40), 4), ((71, 35), 2)] {
-            let area = Area { x: 3..3 + size.0, y: 2..2 + size.1 };
-            let width = size.0 + 5;
-            let film: Vec<[f32; 3]> = (0..width * (size.1 + 4)).map(|_| colour(&mut random)).collect();
-            let columns = (size.0 - 1) / step + 1;
-            let cells = (0..columns * ((size.1 - 1) / step + 1)).map(|_| 9.0 * random.unit()).collect();
-            let lattice = Lattice { step, cells: if step > 1 { cells } else { Vec::new() }, columns };
-            let side = 32 * step;
-            for number in 0..area.patches(side).0 * area.patches(side).1 {
-                let place = area.patch(number, side);
-                let samples = FirstSamples { film: &film, width, area: &area, lattice: &lattice, side };
-                let mut patch = Patch::room(side);
+            let sampled = Sampled::new(&mut random, size, step);
+            let (samples, lattice) = (sampled.samples(), &sampled.lattice);
+            for place in sampled.places() {
+                let mut patch = Patch::room(samples.side);
                 if !patch.fill(samples, &place) {
                     continue;
                 }
                 let mut kept = Promises::default();
                 for one_in in [1, 3, 20, 200, 2000, 2, 1] {
-                    patch.update(&lattice, &mut kept);
-                    assert!(kept == promises(&patch, &lattice), "{size:?}, lattice {step}");
+                    patch.update(lattice, &mut kept);
+                    assert!(kept == promises(&patch, lattice), "{size:?}, lattice {step}");
                     let choice = kept.choose(0.0, 1);
                     assert_eq!(patch.chosen(choice).len() as u64, kept.chosen(choice).iter().sum::<u64>());
                     assert_eq!(patch.chosen(Choice::NONE), []);
@@ -498,22 +525,16 @@ mod tests {
     fn nothing_is_left_in_a_room_of_the_patch_before() {
         let mut random = Random::new(6);
         for step in [1, 4] {
-            let (side, size) = (32 * step, (80 * step + 3, 40 * step + 1));
-            let area = Area { x: 2..2 + size.0, y: 1..1 + size.1 };
-            let width = size.0 + 4;
-            let film: Vec<[f32; 3]> = (0..width * (size.1 + 2)).map(|_| colour(&mut random)).collect();
-            let columns = (size.0 - 1) / step + 1;
-            let cells = (0..columns * ((size.1 - 1) / step + 1)).map(|_| 9.0 * random.unit()).collect();
-            let lattice = Lattice { step, cells: if step > 1 { cells } else { Vec::new() }, columns };
-            let samples = FirstSamples { film: &film, width, area: &area, lattice: &lattice, side };
-            let (mut room, count) = (Patch::room(side), area.patches(side).0 * area.patches(side).1);
-            assert_eq!(count, 6);
-            for number in (0..count).chain((0..count).rev()) {
-                let (place, mut counted) = (area.patch(number, side), Promises::default());
-                assert!(room.fill(samples, &place));
-                room.update(&lattice, &mut counted);
-                assert!(counted == promises(&room, &lattice), "{number}, lattice {step}");
-                let alone = Patch::estimated(samples, &place).unwrap();
+            let sampled = Sampled::new(&mut random, (80 * step + 3, 40 * step + 1), step);
+            let (samples, lattice, places) = (sampled.samples(), &sampled.lattice, sampled.places());
+            let mut room = Patch::room(samples.side);
+            assert_eq!(places.len(), 6);
+            for place in places.iter().chain(places.iter().rev()) {
+                let mut counted = Promises::default();
+                assert!(room.fill(samples, place));
+                room.update(lattice, &mut counted);
+                assert!(counted == promises(&room, lattice), "{place:?}, lattice {step}");
+                let alone = Patch::estimated(samples, place).unwrap();
                 assert_eq!((room.highest, &room.levels, &room.errors), (alone.highest, &alone.levels, &alone.errors));
                 assert!(room.highest > 0 && room.chosen(Choice { lowest: 1, only_interpolated: false }).len() > 9);
             }

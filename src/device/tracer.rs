@@ -538,7 +538,11 @@ impl OpenClBackend {
         match &mut self.wavefront {
             Some(pipeline) => {
                 let shape = (self.first_items, self.work_group);
-                pipeline.render(&self.context, &self.scene, picture, params, shape, progress)
+                let rendered = pipeline.render(&self.context, &self.scene, picture, params, shape, progress);
+                if rendered.is_err() {
+                    pipeline.forget();
+                }
+                rendered
             }
             None => self.render_mega(picture, work, params, launches, progress),
         }

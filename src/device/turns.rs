@@ -87,16 +87,15 @@ impl Drop for Turn {
 mod tests {
     use super::*;
     use crate::error::Error;
+    use crate::parallel::unlocked;
     use std::sync::atomic::{AtomicUsize, Ordering};
 
     #[test]
-    fn one_queue_at_a_time_and_each_in_its_turn() {
+    fn one_queue_at_a_time() {
         let (turns, running) = (Arc::new(Turns::default()), AtomicUsize::new(0));
-        let most_ahead = AtomicUsize::new(0);
-        let done: Vec<AtomicUsize> = (0..4).map(|_| AtomicUsize::new(0)).collect();
         std::thread::scope(|scope| {
-            for queue in 0..done.len() {
-                let (turns, running, done, most_ahead) = (&turns, &running, &done, &most_ahead);
+            for queue in 0..4 {
+                let (turns, running) = (&turns, &running);
                 scope.spawn(move || {
                     for _ in 0..50 {
                         let first = turns.take(queue, || Ok(())).unwrap().unwrap();
@@ -104,19 +103,36 @@ mod tests {
                         // A second command of the same queue does not wait for the first.
                         let second = turns.take(queue, || Ok(())).unwrap().unwrap();
                         std::thread::sleep(Duration::from_micros(200));
+                        drop(first);
                         running.fetch_sub(1, Ordering::SeqCst);
-                        drop((first, second));
-                        let mine = done[queue].fetch_add(1, Ordering::SeqCst) + 1;
-                        let least = done.iter().map(|done| done.load(Ordering::SeqCst)).min().unwrap_or(0);
-                        most_ahead.fetch_max(mine - least, Ordering::SeqCst);
+                        drop(second);
                     }
                 });
             }
         });
-        assert!(done.iter().all(|done| done.load(Ordering::SeqCst) == 50));
-        // Threads begin at different times; after that nobody comes twice before others who wait.
-        assert!(most_ahead.into_inner() < 40, "one queue was before its turn");
-        assert!(lock(&turns.state).running.is_none() && lock(&turns.state).waiting.is_empty());
+        let state = lock(&turns.state);
+        assert!(state.running.is_none() && state.waiting.is_empty() && state.next >= 4);
+    }
+
+    #[test]
+    fn who_waits_longest_is_next() {
+        let (turns, order) = (Arc::new(Turns::default()), Mutex::new(Vec::new()));
+        let held = turns.take(0, || Ok(())).unwrap();
+        std::thread::scope(|scope| {
+            for queue in 1..=5 {
+                let (turns, order) = (&turns, &order);
+                scope.spawn(move || {
+                    let _turn = turns.take(queue, || Ok(())).unwrap().unwrap();
+                    lock(order).push(queue);
+                });
+                while lock(&turns.state).waiting.len() < queue {
+                    std::thread::yield_now();
+                }
+            }
+            assert!(lock(&order).is_empty());
+            drop(held);
+        });
+        assert_eq!(unlocked(order), [1, 2, 3, 4, 5]);
     }
 
     #[test]

@@ -116,24 +116,13 @@ impl WavefrontPipeline {
         [camera, trace, request, shade, light, shadow, film].into_iter().chain(second)
     }
 
-    /// Renders a picture; `first_items`: of the first launch of each kernel.
-    pub fn render(
-        &mut self,
-        context: &DeviceContext,
-        scene: &DeviceScene,
-        picture: &PictureBuffers,
-        params: &RenderParams,
-        shape: (usize, usize),
-        progress: Progress,
-    ) -> Result<Rendered> {
-        let rendered = self.render_by_steps(context, scene, picture, params, shape, progress);
-        if rendered.is_err() {
-            self.steps().for_each(Step::forget);
-        }
-        rendered
+    /// Forgets launches that nobody has waited for, where a picture failed or was stopped.
+    pub fn forget(&mut self) {
+        self.steps().for_each(Step::forget);
     }
 
-    fn render_by_steps(
+    /// Renders a picture; `first_items`: of the first launch of each kernel. What this fails in is to be forgotten.
+    pub fn render(
         &mut self,
         context: &DeviceContext,
         scene: &DeviceScene,
@@ -145,7 +134,6 @@ impl WavefrontPipeline {
         let shape = Shape::new(context, params, self.setup);
         let state = State::new(context, &shape)?;
         for step in self.steps() {
-            step.forget();
             state.set_arguments(step, scene, picture)?;
         }
         let mut run = Run {

@@ -176,29 +176,11 @@ impl DisplayValues {
 
     /// One channel as a display value: NaN, infinities and negative values are 0, what is above 1 is the last.
     fn of(&self, linear: f32) -> u16 {
-        let light = Self::shown(linear);
-        let bucket = Self::bucket(light);
+        let light = if linear.is_finite() && linear > 0.0 { linear.min(1.0) } else { 0.0 };
+        let bucket = (light.to_bits() >> Self::SHIFT) as usize;
         let (first, end) = (self.below[bucket], self.below[bucket + 1]);
         let within = &self.next[usize::from(first)..usize::from(end)];
         first + within.partition_point(|&next| next <= light) as u16
-    }
-
-    /// The same where a bucket has one of `next` at the most.
-    #[inline(always)]
-    fn of_few(&self, linear: f32) -> u16 {
-        let light = Self::shown(linear);
-        let first = self.below[Self::bucket(light)];
-        first + u16::from(self.next.get(usize::from(first)).is_some_and(|&next| next <= light))
-    }
-
-    #[inline(always)]
-    fn shown(linear: f32) -> f32 {
-        if linear.is_finite() && linear > 0.0 { linear.min(1.0) } else { 0.0 }
-    }
-
-    #[inline(always)]
-    fn bucket(light: f32) -> usize {
-        (light.to_bits() >> Self::SHIFT) as usize
     }
 }
 
@@ -208,7 +190,7 @@ static DISPLAY_16: LazyLock<DisplayValues> = LazyLock::new(|| DisplayValues::new
 /// As [`Film::to_srgb8`].
 pub(super) fn srgb8(pixels: &[[f32; 3]]) -> Vec<[u8; 3]> {
     let values = &*DISPLAY_8;
-    parallel::map_slice(pixels, |pixel| pixel.map(|c| values.of_few(c) as u8))
+    parallel::map_slice(pixels, |pixel| pixel.map(|c| values.of(c) as u8))
 }
 
 /// As [`Film::to_srgb16`].
@@ -423,7 +405,7 @@ mod tests {
         for (linear, code) in
             [(0.0, 0), (0.18, 118), (0.5, 188), (0.0031308, 10), (0.21404, 127), (0.21405, 128), (1.0, 255)]
         {
-            assert_eq!(DISPLAY_8.of_few(linear), code, "{linear}");
+            assert_eq!(DISPLAY_8.of(linear), code, "{linear}");
         }
         assert_eq!(DISPLAY_16.of(0.5), 48192);
         assert!((srgb_from_linear(0.0031308) - 0.04045).abs() < 1e-6);
@@ -436,7 +418,7 @@ mod tests {
             assert_eq!(DISPLAY_16.of(linear as f32), code);
         }
         for code in 0..=255_u8 {
-            assert_eq!(DISPLAY_8.of_few(linear_from_srgb(f64::from(code) / 255.0) as f32), u16::from(code));
+            assert_eq!(DISPLAY_8.of(linear_from_srgb(f64::from(code) / 255.0) as f32), u16::from(code));
         }
     }
 
@@ -448,9 +430,7 @@ mod tests {
             let ends = values.next.iter().flat_map(|&next| [next.next_down(), next, next.next_up()]);
             let others = (0..200_000).map(|_| f32::from_bits((random.bits() as u32) % (1.0_f32.to_bits() + 1)));
             for light in ends.chain(others).chain([0.0, -0.0, 1.0]) {
-                let value = on_curve(light.min(1.0), max);
-                assert_eq!(values.of(light), value, "{light:e} of {max}");
-                assert!(max > 255 || values.of_few(light) == value, "{light:e} of {max}");
+                assert_eq!(values.of(light), on_curve(light.min(1.0), max), "{light:e} of {max}");
             }
         }
     }

@@ -49,7 +49,7 @@ impl Step {
         Ok(largest)
     }
 
-    /// Forgets launches that nobody has waited for, because the picture before was stopped.
+    /// Forgets launches that nobody has waited for.
     pub fn forget(&mut self) {
         self.running.clear();
     }
