@@ -40,15 +40,21 @@ const NEARER: f32 = 0.5;
 /// How many rays of a shuffled batch are traced beforehand, on the reference, to find out what they take.
 const TRIAL_RAYS: usize = 64;
 /// Batches whose rays take fewer steps through a hierarchy of eight boxes a node leave the scene too soon to repay
-/// their sorting. On two cores with PoCL sponza's diffuse and shadow rays, from its walls outwards (1.2 and 1.1 steps),
-/// took three times as long with it; gears' shadow rays (1.7) gained a tenth, camera rays (2.0 to 3.9) and the bunny's
-/// (6.9 to 7.0) a quarter to four fifths.
-const FEWEST_STEPS: f64 = 1.6;
+/// their sorting. On two cores with PoCL, kept and sorted, with the sorting, milliseconds of a million: camera rays
+/// through bunny (3.9 steps) 76 and 62, sponza (2.2) 46 and 57, gears (2.0) 34 and 57; bunny's shadow rays (7.0) 119
+/// and 72, gears' (1.7) 24 and 58.
+const FEWEST_STEPS: f64 = 3.0;
+/// So many rays of a batch are sorted to find out whether sorting makes neighbours of them.
+const SORTED_SAMPLES: usize = 4096;
+/// Those next to each other are then at most this part as far apart as any two. Of camera and shadow rays it is 0.03.
+/// Where rays from one place go many ways, a million is too few for neighbours: random rays through the bunny (0.3)
+/// took as long sorted as shuffled, and its diffuse rays (1) gained what their sorting took.
+const NEIGHBOURS: f32 = 0.125;
 
 /// Traces `job` by `trace` in the order that `options` ask for. What `trace` returns comes back in the caller's order.
 /// With [`RayOrder::Auto`] shuffled batches are sorted where that `pays`
-/// ([`gains_by_sorted_rays`](TraceOptions::gains_by_sorted_rays)) and a few of their rays, which `trial` traces and
-/// counts, go far enough.
+/// ([`gains_by_sorted_rays`](TraceOptions::gains_by_sorted_rays)), makes neighbours of their rays, and a few of these,
+/// which `trial` traces and counts, go far enough.
 ///
 /// # Errors
 /// Those of `trace` and `trial`.
@@ -61,15 +67,20 @@ pub(crate) fn trace_in_order(
     trace: impl FnOnce(&TraceJob) -> Result<TraceResult>,
 ) -> Result<TraceResult> {
     let start = Instant::now();
+    let keys = RayKeys::new(params);
     let is_sorted = match options.ray_order {
         RayOrder::Kept => false,
         RayOrder::Sorted => true,
-        RayOrder::Auto => pays && are_shuffled(job.rays) && mean_steps(job, options, trial)? >= FEWEST_STEPS,
+        RayOrder::Auto => {
+            pays && are_shuffled(job.rays)
+                && keys.make_neighbours(job.rays)
+                && mean_steps(job, options, trial)? >= FEWEST_STEPS
+        }
     };
     if !is_sorted {
         return trace(job);
     }
-    let order = RayKeys::new(params).order(job.rays);
+    let order = keys.order(job.rays);
     let rays = permuted(job.rays, &order);
     let next_directions = job.next_directions.map(|directions| permuted(directions, &order));
     let sort_s = start.elapsed();
@@ -139,6 +150,16 @@ impl RayKeys {
         origin << (2 * DIRECTION_BITS) | u64::from(direction)
     }
 
+    /// Whether rays of a shuffled batch are near those that come next once they are sorted, by direction and by origin,
+    /// where two cells are near: found out by some of them.
+    fn make_neighbours(&self, rays: &[TraceRay]) -> bool {
+        let some: Vec<_> = rays.iter().step_by(rays.len().div_ceil(SORTED_SAMPLES).max(1)).copied().collect();
+        let sorted = permuted(&some, &self.order(&some));
+        let (near, far) = distances(&some, &sorted, 1, direction);
+        let (near_origin, far_origin) = distances(&some, &sorted, 1, origin);
+        near <= NEIGHBOURS * far && near_origin <= (NEIGHBOURS * far_origin).max(2.0 / self.cells_per_unit)
+    }
+
     /// Numbers of rays, those with the lowest keys first. Of half a million rays or more the lowest bits of directions
     /// do not count.
     fn order(&self, rays: &[TraceRay]) -> Vec<u64> {
@@ -156,20 +177,31 @@ impl RayKeys {
 /// Whether rays that are near each other in a large batch are no nearer in space than any two of its rays, neither by
 /// origin, as diffuse rays of a picture are, nor by direction, as those through a lens.
 fn are_shuffled(rays: &[TraceRay]) -> bool {
-    if rays.len() < FEWEST_RAYS {
-        return false;
-    }
-    // Steps of the golden ratio: equal ones could meet a picture's lines at their ends alone.
-    let place = |i: usize| ((i as f64 * GOLDEN_RATIO).fract() * (rays.len() - NEAR) as f64) as usize;
-    let no_nearer = |part: fn(&TraceRay) -> Vec3| {
-        let distance = |a: usize, b: usize| (part(&rays[a]) - part(&rays[b])).length();
-        let near = median(|i| distance(place(i), place(i) + NEAR));
-        // Multiplied by an odd number all samples are partners once; the sum with another odd one makes none its own
-        // partner.
-        let far = median(|i| distance(place(i), place((97 * i + 51) % SAMPLES)));
+    let is_no_nearer = |part| {
+        let (near, far) = distances(rays, rays, NEAR, part);
         near >= NEARER * far
     };
-    no_nearer(|ray| ray.origin_t_min.xyz()) && no_nearer(|ray| on_octahedron(ray.direction_t_max.xyz()))
+    rays.len() >= FEWEST_RAYS && is_no_nearer(origin) && is_no_nearer(direction)
+}
+
+fn origin(ray: &TraceRay) -> Vec3 {
+    ray.origin_t_min.xyz()
+}
+
+fn direction(ray: &TraceRay) -> Vec3 {
+    on_octahedron(ray.direction_t_max.xyz())
+}
+
+/// How far apart a part of rays `step` from each other in `ordered` is, in the middle, and that of any two of `rays`.
+fn distances(rays: &[TraceRay], ordered: &[TraceRay], step: usize, part: fn(&TraceRay) -> Vec3) -> (f32, f32) {
+    // Steps of the golden ratio: equal ones could meet a picture's lines at their ends alone.
+    let place = |i: usize| ((i as f64 * GOLDEN_RATIO).fract() * (rays.len() - step) as f64) as usize;
+    let distance = |a: &TraceRay, b: &TraceRay| (part(a) - part(b)).length();
+    let near = median(|i| distance(&ordered[place(i)], &ordered[place(i) + step]));
+    // Multiplied by an odd number all samples are partners once; the sum with another odd one makes none its own
+    // partner.
+    let far = median(|i| distance(&rays[place(i)], &rays[place((97 * i + 51) % SAMPLES)]));
+    (near, far)
 }
 
 /// The middle one of a number for each sample.
@@ -253,11 +285,14 @@ mod tests {
                 ),
                 ("shadow", batch(&|p, _| ray(p.extend(p.x * p.y), from - p.extend(p.x * p.y)))),
                 ("diffuse", batch(&|p, random| ray(p.extend(p.x * p.y), random.direction()))),
+                ("random", batch(&|p, random| ray(p.extend(p.x * p.y), random.vec3() - p.extend(p.x * p.y)))),
             ];
             for (name, rays) in batches {
                 assert!(!are_shuffled(&rays), "{name}, tiled: {is_tiled}");
                 let rays = shuffled(&rays, &mut random);
                 assert!(are_shuffled(&rays), "{name}, shuffled");
+                let make_neighbours = !matches!(name, "diffuse" | "random");
+                assert_eq!(keys().make_neighbours(&rays), make_neighbours, "{name}, shuffled");
                 let order = keys().order(&rays);
                 assert!(!are_shuffled(&permuted(&rays, &order)), "{name}, sorted");
                 assert!(!are_shuffled(&rays[..FEWEST_RAYS - 1]), "few rays of {name}");

@@ -21,7 +21,8 @@ import raybrook.open3d  # noqa: E402
 
 
 def batches(vertices, faces, count):
-    """Rays by name: from an eye through the pixels of a picture, the same shuffled, and aimed at edges and vertices."""
+    """Rays by name: from an eye through the pixels of a picture, the same shuffled, from all around to anywhere on the
+    model, and aimed at edges and vertices."""
     side = int(count**0.5)
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     eye = ((low + high) / 2 + [0, 0, 1.5 * np.linalg.norm(high - low)]).astype(np.float32)
@@ -29,11 +30,18 @@ def batches(vertices, faces, count):
         fov_deg=40, center=(low + high) / 2, eye=eye, up=[0, 1, 0], width_px=side, height_px=side
     )
     primary = primary.numpy().reshape(-1, 6)
+    random = np.random.default_rng(4)
+    away = random.normal(size=(len(primary), 3))
+    away *= 0.75 * np.linalg.norm(high - low) / np.linalg.norm(away, axis=1, keepdims=True)
+    corners = vertices[faces[random.integers(len(faces), size=len(primary))]].astype(float)
+    targets = np.einsum("nij,ni->nj", corners, random.dirichlet((1, 1, 1), size=len(primary)))
+    start = ((low + high) / 2 + away).astype(np.float32)
     hard = aimed_rays(vertices, faces, 6 * len(primary) // 4).reshape(-1, 6)
     kinds = np.arange(len(hard)) % 6
     return {
         "primary": primary,
         "shuffled": primary[np.random.default_rng(2).permutation(len(primary))],
+        "random": np.concatenate([start, targets.astype(np.float32) - start], axis=1),
         "edges": hard[(kinds == 1) | (kinds > 2)],
         "vertices": hard[(kinds == 0) | (kinds == 2)],
     }

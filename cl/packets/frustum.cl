@@ -22,6 +22,9 @@
 #define FRUSTUM_SLACK (8.0f * SLACK)
 #endif
 #define LEAST_FRUSTUM_LENGTH 0x1p-10f // of reach, so that the lines' slopes are below 4.1
+// Of the scene's section where a frustum ends. Rays that are farther apart have no frustum: without it shuffled camera
+// rays through bunny and gears run at 2.8 and 2.5 times the speed.
+#define BROADEST_SECTION 0.125f
 
 typedef struct {
     uint u, v, z;     // axes
@@ -34,8 +37,9 @@ typedef struct {
 // Coordinates z of the axis, so that they grow along the rays.
 #define ALONG(f, z) ((f)->is_upwards ? (z) : -(z))
 
-// Lines below and above the rays of a packet, from `start` to `end` along z.
-void set_lines(const RayPacket* p, float start, float end, Frustum* f) {
+// Lines below and above the rays of a packet, from `start` to `end` along z. Returns the area that they enclose at the
+// end.
+float set_lines(const RayPacket* p, float start, float end, Frustum* f) {
     const float16 inv_z = 1.0f / p->direction[f->z];
     const float16 slope_u = p->direction[f->u] * inv_z, slope_v = p->direction[f->v] * inv_z;
     const float16 to_start = start - p->origin[f->z], to_end = end - p->origin[f->z];
@@ -47,6 +51,7 @@ void set_lines(const RayPacket* p, float start, float end, Frustum* f) {
     const float4 b = (at_end - at_start) / (end - start);
     vstore4(at_start - b * start + (float4)(-f->padding, f->padding, -f->padding, f->padding), 0, f->a);
     vstore4(b, 0, f->b);
+    return (least.s4 + least.s5) * (least.s6 + least.s7);
 }
 
 // The axis along which all rays of a range go one way and are steepest, or 3 if there is none.
@@ -62,7 +67,8 @@ uint axis_of_frusta(const PacketRange* r) {
     return axis;
 }
 
-// Makes the frusta of the packets of `members`, of that range, with the same axes. False where there are none.
+// Makes the frusta of the packets of `members`, of that range, with the same axes. False where there are none, or some
+// packet's is so broad that it tells little.
 bool make_frusta(const RayPacket* packets, const uint members, const PacketRange* r, float3 low, float3 high,
                  Frustum* frusta) {
     Frustum f;
@@ -82,15 +88,22 @@ bool make_frusta(const RayPacket* packets, const uint members, const PacketRange
     }
     if (!((f.is_upwards ? end - start : start - end) > LEAST_FRUSTUM_LENGTH * reach)) return false;
     f.padding = FRUSTUM_SLACK * reach;
+    const float broadest = BROADEST_SECTION * (highs[f.u] - lows[f.u]) * (highs[f.v] - lows[f.v]);
     f.first_start = f.is_upwards ? least : -greatest;
     f.last_start = f.is_upwards ? greatest : -least;
     for (uint rest = members; rest != 0u; rest &= rest - 1u) {
         const uint k = first_member(rest);
-        set_lines(&packets[k], start, end, &f);
+        if (set_lines(&packets[k], start, end, &f) > broadest) return false;
         frusta[k] = f;
     }
     return true;
 }
+
+// The area of a frustum's section at that z.
+float section_of_frustum(const Frustum* f, float z) {
+    return fma(f->b[1] - f->b[0], z, f->a[1] - f->a[0]) * fma(f->b[3] - f->b[2], z, f->a[3] - f->a[2]);
+}
+
 // How far the rays of a packet reach along its frustum, if they go no farther than t_limit: no farther than this.
 float reach_along(const RayPacket* p, const Frustum* f, float16 t_limit) {
     const float16 end = fma(t_limit, p->direction[f->z], p->origin[f->z]);

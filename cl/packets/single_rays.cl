@@ -69,7 +69,8 @@ RARE Decision8 decide_single_ray_closely(GEOMETRY_PARAMETERS, float3 origin, flo
 
 // Tests a packet of triangles, those of the references from `first` on. What float32 does not decide is put aside. True
 // when nothing more is to be done: too much is put aside, or with any_hit there is a hit.
-bool test_single_ray_exactly(GEOMETRY_PARAMETERS, SingleRay_exactly* ray, uint first, uint count, const bool any_hit) {
+INLINE bool test_single_ray_exactly(GEOMETRY_PARAMETERS, SingleRay_exactly* ray, uint first, uint count,
+                                    const bool any_hit) {
     LeafTriangles_exactly l;
     float8 b[3], c[3];
     load_corners(GEOMETRY, first / 8u, l.a, b, c);

@@ -21,7 +21,7 @@ typedef struct {
 
 // The nearest of what waits on the stack and is not behind the hit, of which the last entry is entered before
 // everything.
-uint next_on_stack(const FarChild* stack, uint* stacked, float t_limit) {
+INLINE uint next_on_stack(const FarChild* stack, uint* stacked, float t_limit) {
     uint top = *stacked;
     while (t_limit < stack[top].t_enter) top--;
     *stacked = top - 1u;
@@ -52,16 +52,10 @@ uint3 near_planes(float3 inv) {
     return (uint3)(inv.x < 0.0f ? 2u : 0u, inv.y < 0.0f ? 6u : 4u, inv.z < 0.0f ? 10u : 8u);
 }
 
-// What comes after the inner node `link`: the nearest child that the ray meets, while the others wait, or what waited
-// before.
-uint next_after_node(GEOMETRY_PARAMETERS, const Slabs* slabs, uint3 near, uint link, float t_near, float t_limit,
-                     FarChild* stack, uint* stacked) {
-    COUNT(geometry, STEPS, 1);
-    const uint node = BVH8_NODE_RECORDS * link;
-    const Interval8 t = clip_to_eight(GEOMETRY, slabs, near, node, t_near, t_limit);
-    ulong met = lanes_where8(t.enter <= t.leave);
-    float enter[8];
-    vstore8(t.enter, 0, enter);
+// What comes after the inner node `node`, of whose children a ray meets those of `met` and enters them at `enter`: the
+// nearest of them, while the others wait, or what waited before.
+INLINE uint next_of_children(GEOMETRY_PARAMETERS, uint node, ulong met, const float* enter, float t_limit,
+                             FarChild* stack, uint* stacked) {
     if (met != 0ul) { // one or two children, the most frequent cases, without a loop
         const uint lane0 = first_lane8(met);
         if (is_only_lane8(met, lane0)) return LOAD_LINK(geometry, node, lane0);
@@ -89,6 +83,17 @@ uint next_after_node(GEOMETRY_PARAMETERS, const Slabs* slabs, uint3 near, uint l
     *stacked = top;
     COUNT_DEEPEST(geometry, top);
     return next_on_stack(stack, stacked, t_limit);
+}
+
+// What comes after the inner node `link`, as next_of_children().
+INLINE uint next_after_node(GEOMETRY_PARAMETERS, const Slabs* slabs, uint3 near, uint link, float t_near, float t_limit,
+                            FarChild* stack, uint* stacked) {
+    COUNT(geometry, STEPS, 1);
+    const uint node = BVH8_NODE_RECORDS * link;
+    const Interval8 t = clip_to_eight(GEOMETRY, slabs, near, node, t_near, t_limit);
+    float enter[8];
+    vstore8(t.enter, 0, enter);
+    return next_of_children(GEOMETRY, node, lanes_where8(t.enter <= t.leave), enter, t_limit, stack, stacked);
 }
 
 bool traverse_bvh8(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit* hit) {

@@ -112,8 +112,8 @@ names! {
     /// same; of several hits of a ray, where any will do, packets may find another one. Pictures have an order of their
     /// own.
     pub enum RayOrder ("ray_order") {
-        /// Sorted where that pays: a large batch that looks shuffled, in packets on a CPU, unless its rays leave the
-        /// scene at once.
+        /// Sorted where that pays: a large batch that looks shuffled, in packets on a CPU, unless its rays go all ways
+        /// or leave the scene soon.
         Auto = "auto",
         /// The caller's.
         Kept = "kept",

@@ -35,12 +35,13 @@ pub(crate) fn ray(origin: Vec3, direction: Vec3, t_min: f32, t_max: f32) -> Trac
 }
 
 /// Rays that go much the same way, from one point or from several, `of` rays at a time along another axis: what frusta
-/// are made of.
+/// are made of, some of them too broad.
 pub(crate) fn bundles(count: usize, of: usize, random: &mut Random) -> Vec<TraceRay> {
     let bundle = |random: &mut Random| {
         let from = random.vec3() * if random.bits() & 1 == 0 { 0.3 } else { 3.0 };
         let to = random.vec3();
-        let (width, spread) = (0.2 * random.unit(), [0.0, 0.01, 0.5][random.bits() as usize % 3]);
+        let width = if random.bits().is_multiple_of(4) { 1.0 } else { 0.2 } * random.unit();
+        let spread = [0.0, 0.01, 0.5][random.bits() as usize % 3];
         let t_min = if random.bits().is_multiple_of(8) { -2.0 } else { 0.0 };
         (0..of)
             .map(|_| {

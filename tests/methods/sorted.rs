@@ -129,15 +129,16 @@ fn auto_sorts_what_is_shuffled_where_packets_gain() {
     let mixed = shuffled(&in_lines, &mut random);
     let reversed =
         |ray: &TraceRay| TraceRay { direction_t_max: Float4::new(-ray.direction_t_max.xyz(), f32::INFINITY), ..*ray };
-    let inside = mixed.iter().map(|_| TraceRay {
+    // Of these sorting makes no neighbours.
+    let random_ones = mixed.iter().map(|_| TraceRay {
         origin_t_min: Float4::new(random.vec3(), 0.0),
         direction_t_max: Float4::new(random.vec3(), f32::INFINITY),
     });
-    let inside = inside.collect();
+    let random_ones = random_ones.collect();
     let few = mixed[..1000].to_vec();
     // These leave at once, whatever their order.
     let away = mixed.iter().map(reversed).collect();
-    let batches = [in_lines, mixed, inside, few, away];
+    let batches = [in_lines, mixed, random_ones, few, away];
     let is_sorted = |device: Option<&DeviceHandle>, options| {
         let buffers = Arc::new(SceneBuffers::new(&scene_of(&triangles()), options).unwrap());
         let mut tracer = open_tracer(device, &buffers, options, 1, None).unwrap();
@@ -151,6 +152,6 @@ fn auto_sorts_what_is_shuffled_where_packets_gain() {
     assert_eq!(is_sorted(None, &TraceOptions { ray_order: RayOrder::Sorted, ..PACKETS }), [true; 5]);
     let Some(device) = device() else { return };
     let is_cpu = device.info.kind == DeviceKind::Cpu;
-    assert_eq!(is_sorted(Some(&device), &PACKETS), [false, is_cpu, is_cpu, false, false]);
+    assert_eq!(is_sorted(Some(&device), &PACKETS), [false, is_cpu, false, false, false]);
     assert_eq!(is_sorted(Some(&device), &TraceOptions { ray_order: RayOrder::Kept, ..PACKETS }), [false; 5]);
 }
