@@ -41,8 +41,8 @@ const NEARER: f32 = 0.5;
 const TRIAL_RAYS: usize = 64;
 /// Batches whose rays take fewer steps through a hierarchy of eight boxes a node leave the scene too soon to repay
 /// their sorting. On two cores with PoCL, kept and sorted, with the sorting, milliseconds of a million: camera rays
-/// through bunny (3.9 steps) 76 and 62, sponza (2.2) 46 and 57, gears (2.0) 34 and 57; bunny's shadow rays (7.0) 119
-/// and 72, gears' (1.7) 24 and 58.
+/// through bunny (3.9 steps) 76 and 61, sponza (2.1) 46 and 53, gears (2.0) 34 and 56; bunny's shadow rays (7.0) 104
+/// and 60, gears' (1.7) 21 and 50.
 const FEWEST_STEPS: f64 = 3.0;
 /// So many rays of a batch are sorted to find out whether sorting makes neighbours of them.
 const SORTED_SAMPLES: usize = 4096;

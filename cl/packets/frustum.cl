@@ -22,9 +22,9 @@
 #define FRUSTUM_SLACK (8.0f * SLACK)
 #endif
 #define LEAST_FRUSTUM_LENGTH 0x1p-10f // of reach, so that the lines' slopes are below 4.1
-// Of the scene's section where a frustum ends. Rays that are farther apart have no frustum: without it shuffled camera
-// rays through bunny and gears run at 2.8 and 2.5 times the speed.
-#define BROADEST_SECTION 0.125f
+// Of the scene's size along both u and v, where a frustum ends. Rays that are farther apart have no frustum: without it
+// shuffled camera rays through bunny and gears run at 2.8 and 2.5 times the speed.
+#define BROADEST_FRUSTUM 0.25f
 
 typedef struct {
     uint u, v, z;     // axes
@@ -37,9 +37,9 @@ typedef struct {
 // Coordinates z of the axis, so that they grow along the rays.
 #define ALONG(f, z) ((f)->is_upwards ? (z) : -(z))
 
-// Lines below and above the rays of a packet, from `start` to `end` along z. Returns the area that they enclose at the
-// end.
-float set_lines(const RayPacket* p, float start, float end, Frustum* f) {
+// Lines below and above the rays of a packet, from `start` to `end` along z. Returns how far apart they are at the end,
+// along u and v.
+float2 set_lines(const RayPacket* p, float start, float end, Frustum* f) {
     const float16 inv_z = 1.0f / p->direction[f->z];
     const float16 slope_u = p->direction[f->u] * inv_z, slope_v = p->direction[f->v] * inv_z;
     const float16 to_start = start - p->origin[f->z], to_end = end - p->origin[f->z];
@@ -51,7 +51,7 @@ float set_lines(const RayPacket* p, float start, float end, Frustum* f) {
     const float4 b = (at_end - at_start) / (end - start);
     vstore4(at_start - b * start + (float4)(-f->padding, f->padding, -f->padding, f->padding), 0, f->a);
     vstore4(b, 0, f->b);
-    return (least.s4 + least.s5) * (least.s6 + least.s7);
+    return -(least.s46 + least.s57);
 }
 
 // The axis along which all rays of a range go one way and are steepest, or 3 if there is none.
@@ -88,12 +88,12 @@ bool make_frusta(const RayPacket* packets, const uint members, const PacketRange
     }
     if (!((f.is_upwards ? end - start : start - end) > LEAST_FRUSTUM_LENGTH * reach)) return false;
     f.padding = FRUSTUM_SLACK * reach;
-    const float broadest = BROADEST_SECTION * (highs[f.u] - lows[f.u]) * (highs[f.v] - lows[f.v]);
+    const float2 broadest = BROADEST_FRUSTUM * (float2)(highs[f.u] - lows[f.u], highs[f.v] - lows[f.v]);
     f.first_start = f.is_upwards ? least : -greatest;
     f.last_start = f.is_upwards ? greatest : -least;
     for (uint rest = members; rest != 0u; rest &= rest - 1u) {
         const uint k = first_member(rest);
-        if (set_lines(&packets[k], start, end, &f) > broadest) return false;
+        if (all(set_lines(&packets[k], start, end, &f) > broadest)) return false;
         frusta[k] = f;
     }
     return true;
