@@ -105,11 +105,16 @@ fn mean_steps(
     options: &TraceOptions,
     trace: impl FnOnce(&TraceJob, TraceOptions) -> Result<TraceResult>,
 ) -> Result<f64> {
-    let rays: Vec<_> = job.rays.iter().step_by(job.rays.len().div_ceil(TRIAL_RAYS).max(1)).copied().collect();
+    let rays = some_of(job.rays, TRIAL_RAYS);
     let options = TraceOptions { ray_order: RayOrder::Kept, counters: true, ..*options };
     let trial = TraceJob { extreme: &[], rays: &rays, next_directions: None, any_hit: job.any_hit, repeat: 1 };
     let work = trace(&trial, options)?.work;
     Ok(WorkSum::new(rays.len() as u64, work.unwrap_or_default()).mean(WorkCounter::Steps))
+}
+
+/// Up to `most` rays of a batch, evenly spread over it.
+fn some_of(rays: &[TraceRay], most: usize) -> Vec<TraceRay> {
+    rays.iter().step_by(rays.len().div_ceil(most).max(1)).copied().collect()
 }
 
 /// `values` in another order: number `i` of them is `values[order[i]]`.
@@ -153,7 +158,7 @@ impl RayKeys {
     /// Whether rays of a shuffled batch are near those that come next once they are sorted, by direction and by origin,
     /// where two cells are near: found out by some of them.
     fn make_neighbours(&self, rays: &[TraceRay]) -> bool {
-        let some: Vec<_> = rays.iter().step_by(rays.len().div_ceil(SORTED_SAMPLES).max(1)).copied().collect();
+        let some = some_of(rays, SORTED_SAMPLES);
         let sorted = permuted(&some, &self.order(&some));
         let (near, far) = distances(&some, &sorted, 1, direction);
         let (near_origin, far_origin) = distances(&some, &sorted, 1, origin);

@@ -172,11 +172,9 @@ bool are_strangers(GEOMETRY_PARAMETERS, const RayPacket* p, const RayRange* rang
 
 // What traverse_bvh8_packet() does, for strangers: together they only see which of them meet anything of the root.
 void traverse_bvh8_strangers(GEOMETRY_PARAMETERS, const RayPacket* p, const bool any_hit, PacketHits* hits) {
-    uint slots[8];
-    float16 t_enter[8];
-    const uint count = children_of_packet(GEOMETRY, p, 0u, hits->t_limit, slots, t_enter);
     ulong lanes = 0ul;
-    for (uint i = 0; i < count; i++) lanes |= lanes_where16(t_enter[slots[i]] < INFINITY);
+    for (uint slot = 0; slot < 8u; slot++)
+        lanes |= lanes_where16(clip_packet(GEOMETRY, p, 0u, slot, hits->t_limit) < INFINITY);
     trace_in_turn(GEOMETRY, p, lanes, any_hit, hits);
 }
 

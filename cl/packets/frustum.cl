@@ -37,9 +37,8 @@ typedef struct {
 // Coordinates z of the axis, so that they grow along the rays.
 #define ALONG(f, z) ((f)->is_upwards ? (z) : -(z))
 
-// Lines below and above the rays of a packet, from `start` to `end` along z. Returns how far apart they are at the end,
-// along u and v.
-float2 set_lines(const RayPacket* p, float start, float end, Frustum* f) {
+// Lines below and above the rays of a packet, from `start` to `end` along z.
+void set_lines(const RayPacket* p, float start, float end, Frustum* f) {
     const float16 inv_z = 1.0f / p->direction[f->z];
     const float16 slope_u = p->direction[f->u] * inv_z, slope_v = p->direction[f->v] * inv_z;
     const float16 to_start = start - p->origin[f->z], to_end = end - p->origin[f->z];
@@ -51,7 +50,11 @@ float2 set_lines(const RayPacket* p, float start, float end, Frustum* f) {
     const float4 b = (at_end - at_start) / (end - start);
     vstore4(at_start - b * start + (float4)(-f->padding, f->padding, -f->padding, f->padding), 0, f->a);
     vstore4(b, 0, f->b);
-    return -(least.s46 + least.s57);
+}
+
+// How broad a frustum is at that z, along u and v.
+float2 breadth_of_frustum(const Frustum* f, float z) {
+    return (float2)(fma(f->b[1] - f->b[0], z, f->a[1] - f->a[0]), fma(f->b[3] - f->b[2], z, f->a[3] - f->a[2]));
 }
 
 // The axis along which all rays of a range go one way and are steepest, or 3 if there is none.
@@ -93,15 +96,11 @@ bool make_frusta(const RayPacket* packets, const uint members, const PacketRange
     f.last_start = f.is_upwards ? greatest : -least;
     for (uint rest = members; rest != 0u; rest &= rest - 1u) {
         const uint k = first_member(rest);
-        if (all(set_lines(&packets[k], start, end, &f) > broadest)) return false;
+        set_lines(&packets[k], start, end, &f);
+        if (all(breadth_of_frustum(&f, end) > broadest)) return false;
         frusta[k] = f;
     }
     return true;
-}
-
-// The area of a frustum's section at that z.
-float section_of_frustum(const Frustum* f, float z) {
-    return fma(f->b[1] - f->b[0], z, f->a[1] - f->a[0]) * fma(f->b[3] - f->b[2], z, f->a[3] - f->a[2]);
 }
 
 // How far the rays of a packet reach along its frustum, if they go no farther than t_limit: no farther than this.

@@ -89,7 +89,8 @@ RARE bool is_broad_for_leaf(GEOMETRY_PARAMETERS, const Frustum* f, uint packet) 
     const float8 there = twice >= 0.0f ? twice : (float8)(0.0f); // lanes without a triangle are NaN
     const float4 four = there.lo + there.hi;
     const float2 two = four.lo + four.hi;
-    return section_of_frustum(f, lane_of8(&a[f->z], 0u)) > 0.5f * BROAD_FOR_LEAVES * (two.x + two.y);
+    const float2 breadth = breadth_of_frustum(f, lane_of8(&a[f->z], 0u));
+    return breadth.x * breadth.y > 0.5f * BROAD_FOR_LEAVES * (two.x + two.y);
 }
 
 // The hits of the packets of `members`, of that range, as traverse_bvh8_packet() finds them. Their frusta go the same
@@ -178,7 +179,7 @@ bool first_rays_go_one_way(const RayPacket* packets, uint members) {
 
 // Whether the first leaf tells if frusta are too broad. Shadow rays that start on a surface are broad there, and not
 // where they go.
-bool tells_first_leaf(const RayRange* range, const bool any_hit) {
+bool first_leaf_tells(const RayRange* range, const bool any_hit) {
     const float* least = range->origin_least;
     const float* greatest = range->origin_greatest;
     return !any_hit || (least[0] == greatest[0] && least[1] == greatest[1] && least[2] == greatest[2]);
@@ -201,7 +202,7 @@ void traverse_bvh8_packets(GEOMETRY_PARAMETERS, RayPacket* packets, const uint m
         if (geometry->near_reach == 0.0f &&
             make_frusta(packets, members, &range, geometry->low, geometry->high, frusta) &&
             traverse_bvh8_group(GEOMETRY, packets, &range, frusta, members, any_hit,
-                                tells_first_leaf(&range.rays, any_hit), hits))
+                                first_leaf_tells(&range.rays, any_hit), hits))
             return;
     }
     for (uint rest = members; rest != 0u; rest &= rest - 1u) {
