@@ -1,5 +1,5 @@
 //! The order in which a batch of rays is traced: sorted, those come one after the other that are neighbours in space,
-//! as packets of rays and every cache want them. Hits go back to the caller's order.
+//! as packets of rays and every cache want them. Hits come in the caller's order.
 //!
 //! Keys are those of Meister, Boksansky, Guthe and Bittner, "On Ray Reordering Techniques for Faster GPU Ray Tracing",
 //! I3D 2020, that begin with the origin: the Z-curve through origins, then, among those of a cell, the Z-curve through
@@ -51,21 +51,28 @@ const SORTED_SAMPLES: usize = 4096;
 /// took as long sorted as shuffled, and its diffuse rays (1) gained what their sorting took.
 const NEIGHBOURS: f32 = 0.125;
 
-/// Traces `job` by `trace` in the order that `options` ask for. What `trace` returns comes back in the caller's order.
-/// With [`RayOrder::Auto`] shuffled batches are sorted where that `pays`
+/// In which order the rays of a sorted batch are traced.
+pub(crate) struct Sorted {
+    /// Their numbers.
+    pub order: Vec<u32>,
+    /// Seconds that it took to find it.
+    pub sort_s: f64,
+}
+
+/// The order in which the rays of `job` are traced, if it is not theirs: as `options` ask for it. With
+/// [`RayOrder::Auto`] shuffled batches are sorted where that `pays`
 /// ([`gains_by_sorted_rays`](TraceOptions::gains_by_sorted_rays)), makes neighbours of their rays, and a few of these,
 /// which `trial` traces and counts, go far enough.
 ///
 /// # Errors
-/// Those of `trace` and `trial`.
-pub(crate) fn trace_in_order(
+/// Those of `trial`.
+pub(crate) fn sorted(
     job: &TraceJob,
     options: &TraceOptions,
     params: &SceneParams,
     pays: bool,
     trial: impl FnOnce(&TraceJob, TraceOptions) -> Result<TraceResult>,
-    trace: impl FnOnce(&TraceJob) -> Result<TraceResult>,
-) -> Result<TraceResult> {
+) -> Result<Option<Sorted>> {
     let start = Instant::now();
     let keys = RayKeys::new(params);
     let is_sorted = match options.ray_order {
@@ -77,26 +84,31 @@ pub(crate) fn trace_in_order(
                 && mean_steps(job, options, trial)? >= FEWEST_STEPS
         }
     };
-    if !is_sorted {
-        return trace(job);
-    }
-    let order = keys.order(job.rays);
-    let rays = permuted(job.rays, &order);
-    let next_directions = job.next_directions.map(|directions| permuted(directions, &order));
-    let sort_s = start.elapsed();
+    Ok(is_sorted.then(|| {
+        let order = keys.order(job.rays);
+        Sorted { order, sort_s: start.elapsed().as_secs_f64() }
+    }))
+}
 
+/// Traces `job` in the order of these numbers of its rays, by `trace`, which knows of no order.
+///
+/// # Errors
+/// Those of `trace`.
+pub(crate) fn trace_sorted(
+    job: &TraceJob,
+    order: &[u32],
+    trace: impl FnOnce(&TraceJob) -> Result<TraceResult>,
+) -> Result<TraceResult> {
+    let rays = permuted(job.rays, order);
+    let next_directions = job.next_directions.map(|directions| permuted(directions, order));
     let result = trace(&TraceJob { rays: &rays, next_directions: next_directions.as_deref(), ..*job })?;
-
-    let start = Instant::now();
-    let mut result = TraceResult {
-        hits: restored(result.hits, &order),
-        next_hits: result.next_hits.map(|hits| restored(hits, &order)),
-        work: result.work.map(|work| restored(work, &order)),
-        next_work: result.next_work.map(|work| restored(work, &order)),
+    Ok(TraceResult {
+        hits: restored(result.hits, order),
+        next_hits: result.next_hits.map(|hits| restored(hits, order)),
+        work: result.work.map(|work| restored(work, order)),
+        next_work: result.next_work.map(|work| restored(work, order)),
         ..result
-    };
-    result.sort_s = Some((sort_s + start.elapsed()).as_secs_f64());
-    Ok(result)
+    })
 }
 
 /// Steps of the traversal that a ray takes on average, by a few rays of the job.
@@ -118,13 +130,13 @@ fn some_of(rays: &[TraceRay], most: usize) -> Vec<TraceRay> {
 }
 
 /// `values` in another order: number `i` of them is `values[order[i]]`.
-fn permuted<T: Copy + Send + Sync>(values: &[T], order: &[u64]) -> Vec<T> {
+fn permuted<T: Copy + Send + Sync>(values: &[T], order: &[u32]) -> Vec<T> {
     parallel::map_slice(order, |&i| values[i as usize])
 }
 
 /// What was in the order of `values` before they were [`permuted`]. One thread writes all, which took half of the time
 /// that two took with the inverse of the order.
-fn restored<T: Copy>(values: Vec<T>, order: &[u64]) -> Vec<T> {
+fn restored<T: Copy>(values: Vec<T>, order: &[u32]) -> Vec<T> {
     let mut restored = values.clone();
     for (value, &i) in values.into_iter().zip(order) {
         restored[i as usize] = value;
@@ -167,15 +179,14 @@ impl RayKeys {
 
     /// Numbers of rays, those with the lowest keys first. Of half a million rays or more the lowest bits of directions
     /// do not count.
-    fn order(&self, rays: &[TraceRay]) -> Vec<u64> {
+    fn order(&self, rays: &[TraceRay]) -> Vec<u32> {
         // A key and the number of its ray are one integer, so that no two are equal, and integers alone are sorted.
         let index_bits = usize::BITS - rays.len().leading_zeros();
         let dropped = (KEY_BITS + index_bits).saturating_sub(u64::BITS);
         let entry = |i: usize| self.key(&rays[i]) >> dropped << index_bits | i as u64;
         let mut order = parallel::map_numbers(rays.len(), entry);
         order.par_sort_unstable();
-        parallel::each_mut(&mut order, |_, entry| *entry &= (1 << index_bits) - 1);
-        order
+        parallel::map_slice(&order, |entry| (entry & ((1 << index_bits) - 1)) as u32)
     }
 }
 

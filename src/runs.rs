@@ -27,10 +27,11 @@ use crate::options::{PacketSize, TraceOptions};
 use crate::pack::SceneBuffers;
 use crate::parallel::lock;
 use crate::reference::extreme::TracingBatch;
+use crate::reference::extreme::WorldRay;
 use crate::renderer::Part;
 use crate::several::Pace;
 use crate::shared::Hit;
-use crate::streamed::{WorldRay, stream_hits};
+use crate::streamed::stream_hits;
 use crate::tracer::{
     AllHits, AllHitsJob, Backend, ExtremeRay, Progress, TakeHits, TraceJob, TraceResult, is_hit, take_in_pieces,
 };

@@ -4,15 +4,12 @@
 use crate::error::Result;
 use crate::pack::SceneBuffers;
 use crate::parallel::{self, lock, unlocked};
-use crate::reference::extreme::nowhere;
+use crate::reference::extreme::WorldRay;
 use crate::shared::{Hit, TraceRay};
 use crate::tracer::{Backend, ExtremeRay, Progress, RayStream, TakeHits, TraceJob, TraceResult};
 use glam::Vec3;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
-
-/// A ray in world units: origin, direction, `t_min` and `t_max`.
-pub(crate) type WorldRay = (Vec3, Vec3, f32, f32);
 
 /// What callers want to know of a hit.
 pub(crate) trait OfHit: Copy + Send {
@@ -72,14 +69,9 @@ pub(crate) fn stream_hits(
     }
     let apart = Apart::new(count);
     let make = |first: usize, places: &mut [TraceRay]| {
-        for (number, place) in (first..).zip(places) {
-            let (origin, direction, t_min, t_max) = ray(number);
-            *place = buffers.trace_ray(origin, direction, t_min, t_max);
-            if buffers.is_extreme(origin, direction) {
-                *place = nowhere(*place);
-                apart.add(RayApart { number, ray: *place, extreme_origin: Some(origin) });
-            }
-        }
+        buffers.make_rays(first, places, &ray, &mut |number, origin, ray| {
+            apart.add(RayApart { number, ray, extreme_origin: Some(origin) });
+        });
     };
     let defer = |number: usize, ray: &TraceRay| apart.add(RayApart { number, ray: *ray, extreme_origin: None });
     let take_or_keep = |first: usize, hits: &[Hit]| {
@@ -88,9 +80,7 @@ pub(crate) fn stream_hits(
         }
     };
     let stream = RayStream { count, any_hit, make: &make, defer: &defer, take: &take_or_keep };
-    let Some(kernel_s) = tracer.trace_stream(&stream, progress)? else { return Ok(None) };
-
-    let mut took = TraceResult { kernel_s: vec![kernel_s], ..TraceResult::default() };
+    let Some(mut took) = tracer.trace_stream(&stream, progress)? else { return Ok(None) };
     let (mut apart, kept) = (unlocked(apart.rays), unlocked(apart.kept));
     if apart.is_empty() {
         return Ok(Some(took));
@@ -112,7 +102,8 @@ pub(crate) fn stream_hits(
         take(first, &piece);
     }
     took.kernel_s.extend(of_apart.kernel_s);
-    (took.second_pass, took.extreme_s) = (of_apart.second_pass, of_apart.extreme_s);
+    took.second_pass = took.second_pass.map_or(of_apart.second_pass, |n| Some(n + of_apart.second_pass.unwrap_or(0)));
+    took.extreme_s = of_apart.extreme_s;
     Ok(Some(took))
 }
 
@@ -192,7 +183,7 @@ mod tests {
             self.reference.trace(job, progress)
         }
 
-        fn trace_stream(&mut self, stream: &RayStream, progress: Progress) -> Result<Option<f64>> {
+        fn trace_stream(&mut self, stream: &RayStream, progress: Progress) -> Result<Option<TraceResult>> {
             for first in (0..stream.count).step_by(RayStream::PIECE).rev() {
                 let mut rays = vec![TraceRay::default(); RayStream::PIECE.min(stream.count - first)];
                 (stream.make)(first, &mut rays);
@@ -209,7 +200,7 @@ mod tests {
                     return Ok(None);
                 }
             }
-            Ok(Some(1.0))
+            Ok(Some(TraceResult { kernel_s: vec![1.0], ..TraceResult::default() }))
         }
 
         fn trace_all(&mut self, job: &AllHitsJob, progress: Progress) -> Result<AllHits> {

@@ -39,7 +39,7 @@ __kernel void count_hits(GEOMETRY_ARGUMENTS, __global const TraceRay* restrict r
                          WORK_ARGUMENT ROWS_ARGUMENT const uint most, const uint first, const uint end) {
     const uint item = first + (uint)get_global_id(0);
     if (item >= end) return;
-    const uint index = ray_at(item, row, in_bands);
+    const uint index = ray_of_rows(item, row, in_bands);
     TRAVERSAL_STATE
     WORK_SUMS(work)
     const Geometry geometry = MAKE_GEOMETRY;

@@ -2,7 +2,7 @@
 
 // The closest hit of each ray.
 __kernel void trace_closest(GEOMETRY_ARGUMENTS, __global const TraceRay* restrict rays, __global Hit* restrict hits,
-                            WORK_ARGUMENT DEFERRED_ARGUMENT ROWS_ARGUMENT const uint first, const uint end) {
+                            WORK_ARGUMENT DEFERRED_ARGUMENT ORDER_ARGUMENT const uint first, const uint end) {
     const uint item = first + (uint)get_global_id(0);
     if (item >= end) return;
     const uint index = RAY_OF(item);
@@ -19,7 +19,7 @@ __kernel void trace_closest(GEOMETRY_ARGUMENTS, __global const TraceRay* restric
 
 // Some hit of each ray: whether there is one is the answer, which one depends on the structure.
 __kernel void trace_any(GEOMETRY_ARGUMENTS, __global const TraceRay* restrict rays, __global Hit* restrict hits,
-                        WORK_ARGUMENT DEFERRED_ARGUMENT ROWS_ARGUMENT const uint first, const uint end) {
+                        WORK_ARGUMENT DEFERRED_ARGUMENT ORDER_ARGUMENT const uint first, const uint end) {
     const uint item = first + (uint)get_global_id(0);
     if (item >= end) return;
     const uint index = RAY_OF(item);
@@ -38,11 +38,11 @@ __kernel void trace_any(GEOMETRY_ARGUMENTS, __global const TraceRay* restrict ra
 // ray that missed has none.
 __kernel void trace_next(GEOMETRY_ARGUMENTS, __global const TraceRay* restrict rays,
                          __global const float4* restrict next_directions, __global const Hit* restrict hits,
-                         __global Hit* restrict next_hits, WORK_ARGUMENT DEFERRED_ARGUMENT const uint first,
-                         const uint end) {
+                         __global Hit* restrict next_hits, WORK_ARGUMENT DEFERRED_ARGUMENT ORDER_ARGUMENT
+                         const uint first, const uint end) {
     const uint item = first + (uint)get_global_id(0);
     if (item >= end) return;
-    const uint index = ITEM_OF(item);
+    const uint index = RAY_OF(item);
     TRAVERSAL_STATE
     WORK_SUMS(work)
     const Geometry geometry = MAKE_GEOMETRY;

@@ -1,14 +1,37 @@
 // Batch queries in packets: one work-item traces PACKETS_OF_ITEM times sixteen rays of the caller's, one behind the
 // other in the batch.
 
-// The numbers of sixteen rays, four in a row and `stride` rays between rows, one component after the other: origin,
-// t_min, direction, t_max.
-void load_components(__global const TraceRay* rays, uint stride, float16* c) {
+// Where the rays of a batch are, and their hits: those of a square, or those that `sorted` names from there on.
+typedef struct {
+    __global const TraceRay* rays;
+    __global Hit* hits;
+    __global const uint* sorted;
+    RayTile tile;
+} BatchTile;
+
+// The ray of a lane of a square.
+uint ray_in_square(const BatchTile* batch, uint square, uint lane) {
+    const uint place = place_in_square(&batch->tile, square, lane);
+    return batch->sorted != NULL ? batch->sorted[place] : place;
+}
+
+// The numbers of the sixteen rays of a square, one component after the other: origin, t_min, direction, t_max.
+void load_components(const BatchTile* batch, uint square, float16* c) {
     float16 v[8], w[8];
     // From two rays a vector to one component a vector: the even lanes of pairs of vectors and the odd ones, three
     // times.
+    if (batch->sorted != NULL) {
+        __global const uint* ray = batch->sorted + square;
 #pragma unroll
-    for (uint i = 0; i < 8u; i++) v[i] = vload16(i % 2u, (__global const float*)(rays + i / 2u * stride));
+        for (uint i = 0; i < 8u; i++)
+            v[i] = (float16)(vload8(0, (__global const float*)(batch->rays + ray[2u * i])),
+                             vload8(0, (__global const float*)(batch->rays + ray[2u * i + 1u])));
+    } else {
+        __global const TraceRay* rays = batch->rays + square;
+#pragma unroll
+        for (uint i = 0; i < 8u; i++)
+            v[i] = vload16(i % 2u, (__global const float*)(rays + i / 2u * batch->tile.stride));
+    }
 #pragma unroll
     for (uint i = 0; i < 4u; i++) {
         w[i] = (float16)(v[2u * i].even, v[2u * i + 1u].even);
@@ -31,13 +54,13 @@ void load_components(__global const TraceRay* rays, uint stride, float16* c) {
     }
 }
 
-// A packet of rays of a batch, as far as TRAVERSE_PACKETS wants it. Returns the lanes that have a ray: not those of
+// A square of rays of a batch, as far as TRAVERSE_PACKETS wants it. Returns the lanes that have a ray: not those of
 // extreme numbers, or that are not sound, which batch_ray() takes care of. *t_factor: by which t is multiplied for the
 // caller's units.
-int16 load_packet(__global const TraceRay* rays, uint stride, float scale, RayPacket* p, float16* t_factor) {
+int16 load_packet(const BatchTile* batch, uint square, float scale, RayPacket* p, float16* t_factor) {
     if (!(scale >= 1.0f / MODERATE && scale <= MODERATE)) return (int16)(0);
     float16 c[8], unit;
-    load_components(rays, stride, c);
+    load_components(batch, square, c);
 #pragma unroll
     for (uint i = 0; i < 3u; i++) {
         p->origin[i] = c[i];
@@ -53,22 +76,29 @@ int16 load_packet(__global const TraceRay* rays, uint stride, float scale, RayPa
     return used;
 }
 
-// Writes sixteen hits, with components one after the other, to where load_components() reads.
-void store_hits(__global Hit* hits, uint stride, float16 t, float16 u, float16 v, uint16 primitive) {
+// Writes the hits of a square's rays, with components one after the other.
+void store_hits(const BatchTile* batch, uint square, float16 t, float16 u, float16 v, uint16 primitive) {
     const float16 p = as_float16(primitive);
     const float16 fours[4] = {
         (float16)(t.s0, u.s0, v.s0, p.s0, t.s1, u.s1, v.s1, p.s1, t.s2, u.s2, v.s2, p.s2, t.s3, u.s3, v.s3, p.s3),
         (float16)(t.s4, u.s4, v.s4, p.s4, t.s5, u.s5, v.s5, p.s5, t.s6, u.s6, v.s6, p.s6, t.s7, u.s7, v.s7, p.s7),
         (float16)(t.s8, u.s8, v.s8, p.s8, t.s9, u.s9, v.s9, p.s9, t.sa, u.sa, v.sa, p.sa, t.sb, u.sb, v.sb, p.sb),
         (float16)(t.sc, u.sc, v.sc, p.sc, t.sd, u.sd, v.sd, p.sd, t.se, u.se, v.se, p.se, t.sf, u.sf, v.sf, p.sf)};
+    if (batch->sorted != NULL) {
+        for (uint lane = 0; lane < 16u; lane++)
+            vstore4(vload4(lane, (const float*)fours), 0,
+                    (__global float*)(batch->hits + batch->sorted[square + lane]));
+        return;
+    }
 #pragma unroll
-    for (uint i = 0; i < 4u; i++) vstore16(fours[i], 0, (__global float*)(hits + i * stride));
+    for (uint i = 0; i < 4u; i++)
+        vstore16(fours[i], 0, (__global float*)(batch->hits + square + i * batch->tile.stride));
 }
 
 // Traces packets of sixteen rays each together, those of `full` (bits). Writes to `answered` the lanes that have their
 // hits.
-void trace_together(GEOMETRY_PARAMETERS, __global const TraceRay* rays, __global Hit* hits, const RayTile* tile,
-                    const uint full, const bool any_hit, int16* answered) {
+void trace_together(GEOMETRY_PARAMETERS, const BatchTile* batch, const uint full, const bool any_hit,
+                    int16* answered) {
     RayPacket packets[PACKETS_OF_ITEM];
     PacketHits found[PACKETS_OF_ITEM];
     float16 t_factor[PACKETS_OF_ITEM];
@@ -76,17 +106,17 @@ void trace_together(GEOMETRY_PARAMETERS, __global const TraceRay* rays, __global
     for (uint rest = full; rest != 0u; rest &= rest - 1u) {
         const uint k = first_member(rest);
         answered[k] =
-            load_packet(rays + square_in_tile(tile, k), tile->stride, geometry->scale, &packets[k], &t_factor[k]);
+            load_packet(batch, square_in_tile(&batch->tile, k), geometry->scale, &packets[k], &t_factor[k]);
         if (is_any16(answered[k])) traced |= 1u << k;
     }
     if (traced == 0u) return;
     TRAVERSE_PACKETS(GEOMETRY, packets, traced, any_hit, found);
     for (; traced != 0u; traced &= traced - 1u) {
-        const uint k = first_member(traced);
+        const uint k = first_member(traced), square = square_in_tile(&batch->tile, k);
         FinishedHits hit;
         for (ulong open = unsettled_lanes(&found[k], any_hit); open != 0ul; open = other_lanes8(open)) {
             const uint lane = first_lane16(open);
-            const Ray ray = batch_ray(rays, ray_in_square(tile, square_in_tile(tile, k), lane), geometry->scale);
+            const Ray ray = batch_ray(batch->rays, ray_in_square(batch, square, lane), geometry->scale);
             settle_lane(GEOMETRY, &ray, lane, any_hit, &found[k]);
         }
         const int16 unfinished = finish_packet(GEOMETRY, &packets[k], &found[k], any_hit, &hit);
@@ -94,16 +124,15 @@ void trace_together(GEOMETRY_PARAMETERS, __global const TraceRay* rays, __global
         const float16 t = hit.t * t_factor[k];
         const int16 is_miss = hit.primitive == NO_PRIMITIVE;
         const int16 is_exact = any_hit ? (int16)(-1) : is_miss || (fabs(t) >= FLT_MIN && fabs(t) <= FLT_MAX);
-        store_hits(hits + square_in_tile(tile, k), tile->stride, any_hit && !is_miss ? (float16)(0.0f) : t, hit.u,
-                   hit.v, hit.primitive);
+        store_hits(batch, square, any_hit && !is_miss ? (float16)(0.0f) : t, hit.u, hit.v, hit.primitive);
         const int16 is_settled = answered[k] && !found[k].undecided_lanes;
         answered[k] = is_settled && !unfinished && is_exact;
         for (ulong open = lanes_where16(is_settled && unfinished); open != 0ul; open = other_lanes8(open)) {
-            const uint lane = first_lane16(open), index = ray_in_square(tile, square_in_tile(tile, k), lane);
-            const Ray ray = batch_ray(rays, index, geometry->scale);
+            const uint lane = first_lane16(open), index = ray_in_square(batch, square, lane);
+            const Ray ray = batch_ray(batch->rays, index, geometry->scale);
             Hit closer;
             if (!finish_lane(GEOMETRY, &ray, lane, &found[k], &closer)) continue;
-            hits[index] = batch_hit(closer);
+            batch->hits[index] = batch_hit(closer);
             ((int*)&answered[k])[lane] = -1;
         }
     }
@@ -111,19 +140,19 @@ void trace_together(GEOMETRY_PARAMETERS, __global const TraceRay* rays, __global
 
 // The rays of one work-item: the first `count` of a tile, or all if it has fewer. What packets do not answer is traced
 // one ray after the other.
-void trace_tile(GEOMETRY_PARAMETERS, __global const TraceRay* rays, __global Hit* hits, DEFERRED_ARGUMENT
-                const RayTile* tile, uint count, const bool any_hit) {
+void trace_tile(GEOMETRY_PARAMETERS, DEFERRED_ARGUMENT const BatchTile* batch, uint count, const bool any_hit) {
     const uint packets = min(count / 16u, PACKETS_OF_ITEM);
     int16 answered[PACKETS_OF_ITEM];
-    trace_together(GEOMETRY, rays, hits, tile, (1u << packets) - 1u, any_hit, answered);
+    trace_together(GEOMETRY, batch, (1u << packets) - 1u, any_hit, answered);
     for (uint k = 0; k < PACKETS_OF_ITEM; k++) {
         const int16 here = k < packets ? answered[k] : (int16)(0);
         for (ulong single = ALL_LANES16 & ~lanes_where16(here); single != 0ul; single = other_lanes8(single)) {
-            const uint lane = first_lane16(single), index = ray_in_square(tile, square_in_tile(tile, k), lane);
+            const uint lane = first_lane16(single);
             if (16u * k + lane >= count) continue;
+            const uint index = ray_in_square(batch, square_in_tile(&batch->tile, k), lane);
             Hit hit;
-            if (!trace_batch(GEOMETRY, rays, hits, index, any_hit, &hit))
-                settle_batch(GEOMETRY, rays, hits, index, any_hit, hit);
+            if (!trace_batch(GEOMETRY, batch->rays, batch->hits, index, any_hit, &hit))
+                settle_batch(GEOMETRY, batch->rays, batch->hits, index, any_hit, hit);
             if (FORGET_DEFERRED(geometry)) ADD_DEFERRED(index);
         }
     }
@@ -131,23 +160,23 @@ void trace_tile(GEOMETRY_PARAMETERS, __global const TraceRay* rays, __global Hit
 
 // The closest hit of each ray, as trace_closest.
 __kernel void trace_closest_packets(GEOMETRY_ARGUMENTS, __global const TraceRay* restrict rays,
-                                    __global Hit* restrict hits, DEFERRED_ARGUMENT ROWS_ARGUMENT const uint first,
+                                    __global Hit* restrict hits, DEFERRED_ARGUMENT ORDER_ARGUMENT const uint first,
                                     const uint end) {
     const uint item = first + 16u * PACKETS_OF_ITEM * (uint)get_global_id(0);
     if (item >= end) return;
     TRAVERSAL_STATE
     const Geometry geometry = MAKE_GEOMETRY;
-    const RayTile tile = tile_at(item, row, in_bands);
-    trace_tile(GEOMETRY_AT(&geometry), rays, hits, deferred, &tile, end - item, false);
+    const BatchTile batch = {rays, hits, sorted, tile_at(item, row, in_bands)};
+    trace_tile(GEOMETRY_AT(&geometry), deferred, &batch, end - item, false);
 }
 
 // Some hit of each ray, as trace_any.
 __kernel void trace_any_packets(GEOMETRY_ARGUMENTS, __global const TraceRay* restrict rays, __global Hit* restrict hits,
-                                DEFERRED_ARGUMENT ROWS_ARGUMENT const uint first, const uint end) {
+                                DEFERRED_ARGUMENT ORDER_ARGUMENT const uint first, const uint end) {
     const uint item = first + 16u * PACKETS_OF_ITEM * (uint)get_global_id(0);
     if (item >= end) return;
     TRAVERSAL_STATE
     const Geometry geometry = MAKE_GEOMETRY;
-    const RayTile tile = tile_at(item, row, in_bands);
-    trace_tile(GEOMETRY_AT(&geometry), rays, hits, deferred, &tile, end - item, true);
+    const BatchTile batch = {rays, hits, sorted, tile_at(item, row, in_bands)};
+    trace_tile(GEOMETRY_AT(&geometry), deferred, &batch, end - item, true);
 }

@@ -9,7 +9,7 @@
 //   FORGET_DEFERRED     whether an item is deferred, and forgets it: for work-items with several items
 //   ADD_DEFERRED        what these put an item on the list by
 //   ITEM_OF             the item of work-item number i: in the second pass that on the list
-//   RAY_OF              the same of the rays of a batch, which may have rows: ROWS_ARGUMENT, see batch.cl
+//   RAY_OF              the same of the rays of a batch, which have an order: ORDER_ARGUMENT, see batch.cl
 #define DEFERRED_ARGUMENT volatile __global uint* restrict deferred,
 #ifdef DEFER_UNDECIDED
 #define UNDECIDED_STATE            \
@@ -50,7 +50,7 @@ bool postpone(const Geometry* geometry, uint primitive) { return false; }
 #define RAY_OF(i) ITEM_OF(i)
 #else
 #define ITEM_OF(i) (i)
-#define RAY_OF(i) ray_at(i, row, in_bands)
+#define RAY_OF(i) ray_at(i, row, in_bands, sorted)
 #endif
 
 // For rare calls (geometry.cl): what a ray has left undecided, handed on and taken back.

@@ -4,10 +4,14 @@
 // whole bands of TILE_SIDE rows.
 #define ROWS_ARGUMENT const uint row, const uint in_bands,
 
+// Or its rays are sorted, and have no rows: those of `sorted`, one after the other, which is NULL if they are not
+// (src/ray_order.rs).
+#define ORDER_ARGUMENT ROWS_ARGUMENT __global const uint *restrict sorted,
+
 // A tile of rays: of an image four squares of 4 x 4, else four times sixteen rays in a row.
 #define TILE_RAYS 64u
 typedef struct {
-    uint first;       // ray
+    uint first;       // place
     uint stride;      // from four rays to the next four of a square
     uint right, down; // from a square to those beside it
 } RayTile;
@@ -26,14 +30,17 @@ RayTile tile_at(uint place, uint row, uint in_bands) {
 uint square_in_tile(const RayTile* tile, uint k) {
     return tile->first + (k & 1u) * tile->right + (k >> 1) * tile->down;
 }
-uint ray_in_square(const RayTile* tile, uint square, uint lane) {
+uint place_in_square(const RayTile* tile, uint square, uint lane) {
     return square + lane / 4u * tile->stride + lane % 4u;
 }
 
-uint ray_at(uint place, uint row, uint in_bands) {
-    if (place >= in_bands) return place;
-    const RayTile tile = tile_at(place, row, in_bands);
-    return ray_in_square(&tile, square_in_tile(&tile, place % TILE_RAYS / 16u), place % 16u);
+uint ray_of_rows(uint item, uint row, uint in_bands) {
+    if (item >= in_bands) return item;
+    const RayTile tile = tile_at(item, row, in_bands);
+    return place_in_square(&tile, square_in_tile(&tile, item % TILE_RAYS / 16u), item % 16u);
+}
+uint ray_at(uint item, uint row, uint in_bands, __global const uint* sorted) {
+    return sorted != NULL ? sorted[item] : ray_of_rows(item, row, in_bands);
 }
 
 // Changes the units of t from those of `direction`, of which the ray has been made, in tracing space to those in the

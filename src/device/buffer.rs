@@ -2,15 +2,16 @@
 
 use super::handle::Owned;
 use super::staging::{PART_BYTES, Staging};
-use super::watchdog::Watched;
+use super::watchdog::{Limit, Watched, watch};
 use super::{DeviceContext, Event};
 use crate::error::{Error, Result};
 use crate::parallel;
 use bytemuck::Pod;
 use opencl3::command_queue::enqueue_write_buffer;
-use opencl3::error_codes::ClError;
-use opencl3::memory::{Buffer as ClBuffer, CL_MEM_READ_ONLY, CL_MEM_READ_WRITE, ClMem};
+use opencl3::error_codes::{CL_MAP_FAILURE, ClError};
+use opencl3::memory::{Buffer as ClBuffer, CL_MAP_READ, CL_MAP_WRITE, CL_MEM_READ_ONLY, CL_MEM_READ_WRITE, ClMem};
 use opencl3::types::{CL_FALSE, CL_TRUE, cl_bool, cl_mem_flags};
+use std::ffi::c_void;
 use std::marker::PhantomData;
 use std::ptr;
 use std::sync::Arc;
@@ -29,6 +30,9 @@ const LEAST_CONVERTED: usize = 4096;
 /// OpenCL's calls that transfer.
 const WRITE: &str = "clEnqueueWriteBuffer";
 const READ: &str = "clEnqueueReadBuffer";
+
+const MAP: &str = "clEnqueueMapBuffer";
+const UNMAP: &str = "clEnqueueUnmapMemObject";
 
 /// A transfer that the driver took, or refused.
 type Enqueued = std::result::Result<opencl3::event::Event, ClError>;
@@ -397,6 +401,37 @@ impl<T: Pod> Buffer<T> {
         Ok(all)
     }
 
+    /// What `work` makes of the first elements, after every command before this one is done: where the device has them,
+    /// if it shares memory with the host. They are the device's again when this returns.
+    ///
+    /// # Errors
+    /// See [`Buffer::read`].
+    ///
+    /// # Panics
+    /// When the buffer has not so many.
+    pub(super) fn in_place<R>(&self, count: usize, work: impl FnOnce(&mut [T]) -> R) -> Result<R> {
+        self.check_range(0, count);
+        if count == 0 {
+            return Ok(work(&mut []));
+        }
+        let Memory { raw, context, .. } = &*self.memory;
+        let (bytes, flags, mut at) = (count * size_of::<T>(), CL_MAP_READ | CL_MAP_WRITE, ptr::null_mut());
+        let watched = context.watch_transfer(MAP);
+        // SAFETY: the call waits, and the range is inside the buffer (asserted above).
+        let mapped = unsafe { context.0.queue.enqueue_map_buffer(raw, CL_TRUE, flags, 0, bytes, &mut at, &[]) };
+        drop(watched);
+        self.done(MAP, mapped)?;
+        let mapped = Mapped { buffer: self, at };
+        // OpenCL aligns buffers for its widest type.
+        if at.is_null() || !at.cast::<T>().is_aligned() {
+            return Err(context.error(&format!("{MAP} of {} to {at:?}", self.memory.what), ClError(CL_MAP_FAILURE)));
+        }
+        // SAFETY: the driver has them there until they are unmapped, which comes after; they are aligned, and all bits
+        // are values of their type.
+        let done = work(unsafe { std::slice::from_raw_parts_mut(at.cast(), count) });
+        mapped.unmap().map(|()| done)
+    }
+
     /// The first `len` elements of another kind in the same memory.
     ///
     /// # Panics
@@ -434,5 +469,35 @@ impl<T: Pod> Buffer<T> {
         let call = format!("{call} of {what}");
         let event = event.map_err(|e| context.error(&call, e))?;
         Ok((call, event))
+    }
+}
+
+/// Elements that the host has, until this is unmapped, or goes away.
+struct Mapped<'a, T: Pod> {
+    buffer: &'a Buffer<T>,
+    at: *mut c_void,
+}
+
+impl<T: Pod> Mapped<'_, T> {
+    fn unmap(self) -> Result<()> {
+        let unmapped = self.enqueue_unmap();
+        let buffer = self.buffer;
+        std::mem::forget(self);
+        buffer.begun(UNMAP, unmapped).map(|(_, event)| drop(Owned::new(event, &buffer.memory.context.0.owner)))
+    }
+
+    fn enqueue_unmap(&self) -> Enqueued {
+        let Memory { raw, context, .. } = &*self.buffer.memory;
+        let _watched = watch(&context.0.owner, UNMAP, Limit::Call);
+        // SAFETY: it was mapped there, and nobody looks at it any more.
+        unsafe { context.0.queue.enqueue_unmap_mem_object(raw.get(), self.at, &[]) }
+    }
+}
+
+impl<T: Pod> Drop for Mapped<'_, T> {
+    fn drop(&mut self) {
+        if let Ok(event) = self.enqueue_unmap() {
+            drop(Owned::new(event, &self.buffer.memory.context.0.owner));
+        }
     }
 }

@@ -1,5 +1,6 @@
 //! How many work-items one launch may have, and passing arguments to kernels.
 
+use super::rows::Rows;
 use super::{Buffer, DeviceContext, DeviceInfo, DeviceKind, Event, Kernel, KernelArg};
 use crate::error::Result;
 use crate::tracer::STOPPABLE_LAUNCH_S;
@@ -149,6 +150,16 @@ impl<'k> Arguments<'k> {
         self.kernel.set_arg(self.next, value)?;
         self.next += 1;
         Ok(self)
+    }
+
+    /// Passes what says in which order the rays of a batch are traced: its rows, or, where they are sorted, their
+    /// numbers.
+    pub fn set_order(self, rows: Rows, sorted: Option<&Buffer<u32>>) -> Result<Self> {
+        let arguments = self.set(rows.length)?.set(rows.in_bands)?;
+        match sorted {
+            Some(sorted) => arguments.set(sorted),
+            None => arguments.set(KernelArg::NULL),
+        }
     }
 
     /// Passes the array of work records, which only kernels that count have as an argument.

@@ -24,6 +24,7 @@
 
 mod adaptive;
 mod all_hits;
+mod batch;
 mod buffer;
 mod cache;
 mod compiler_options;
@@ -37,6 +38,7 @@ mod errors;
 mod event;
 mod handle;
 mod image;
+mod in_place;
 mod kept_programs;
 mod kernel;
 mod launch;

@@ -168,7 +168,7 @@ impl Streaming<'_> {
         part.has_deferred = self.passes.defers();
         let set = |kernel: &mut Kernel| {
             let arguments = self.scene.geometry_arguments(kernel)?.set(&part.rays)?.set(&part.hits)?;
-            arguments.set(&part.deferred.items)?.set(rows.length)?.set(rows.in_bands).map(|_| ())
+            arguments.set(&part.deferred.items)?.set_order(*rows, None).map(|_| ())
         };
         let (mut first, mut launches_s) = (rays.start, 0.0);
         let shape = (count, self.work_group);

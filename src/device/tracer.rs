@@ -2,10 +2,12 @@
 
 use super::adaptive::{AdaptiveProgram, DevicePixels};
 use super::all_hits::Lister;
+use super::batch::{DeviceBatch, Order};
 use super::defaults::{who_decides, work_group_size};
 use super::deferred::Deferred;
 use super::definitions::Definitions;
 use super::entry::Entry;
+use super::in_place::Place;
 use super::launch::{Arguments, FIRST_ITEMS, FIRST_ITEMS_GPU, LaunchPlan};
 use super::passes::Passes;
 use super::picture::{Launches, PictureBuffers, RenderLists, Rendered, items_of};
@@ -22,8 +24,7 @@ use crate::io::film::Film;
 use crate::layout::Float4;
 use crate::options::{Decisions, Intersector, Kernels, Memory, PacketSize, RayOrder, TraceOptions};
 use crate::pack::SceneBuffers;
-use crate::ray_order::trace_in_order;
-use crate::reference::ReferenceBackend;
+use crate::ray_order::Sorted;
 use crate::reference::extreme::{all_extreme, answer_extreme};
 use crate::shared::{CameraSample, Hit, Light, RenderParams};
 use crate::tracer::{
@@ -82,6 +83,8 @@ pub struct OpenClBackend {
     points: Option<PointProgram>,
     /// What is kept of batches that stream, once there was one.
     stream: Option<StreamBuffers>,
+    /// The same of batches that are traced in place.
+    place: Option<Place>,
     buffers: Arc<SceneBuffers>,
     options: TraceOptions,
     trace_plan: LaunchPlan,
@@ -199,6 +202,7 @@ impl OpenClBackend {
             adaptive: None,
             points: None,
             stream: None,
+            place: None,
             picture_plan: None,
             buffers: buffers.clone(),
             options: *options,
@@ -291,42 +295,31 @@ impl Backend for OpenClBackend {
 
     fn trace(&mut self, job: &TraceJob, progress: Progress) -> Result<TraceResult> {
         self.prepare(Task::Batch)?;
-        let (options, buffers, kind) = (self.options, self.buffers.clone(), self.context.info().kind);
-        let trial = |job: &TraceJob, options| ReferenceBackend::new(buffers.clone(), options).trace(job, &|_| ());
-        let pays = options.gains_by_sorted_rays(Some(kind));
-        let mut result =
-            trace_in_order(job, &options, &buffers.params, pays, trial, |job| self.trace_batch(job, progress))?;
-        answer_extreme(job, &options, &buffers, &mut result);
+        let order = self.order().of(job)?;
+        let mut result = self.trace_batch(job, order, progress)?;
+        answer_extreme(job, &self.options, &self.buffers, &mut result);
         Ok(result)
     }
 
-    fn trace_stream(&mut self, stream: &RayStream, progress: Progress) -> Result<Option<f64>> {
-        let options = &self.options;
+    fn trace_stream(&mut self, stream: &RayStream, progress: Progress) -> Result<Option<TraceResult>> {
+        let (options, kind) = (&self.options, self.context.info().kind);
+        if !options.has_independent_hits() || options.counters {
+            return Ok(None);
+        }
         let keeps_order = match options.ray_order {
             RayOrder::Kept => true,
             RayOrder::Sorted => false,
-            RayOrder::Auto => !options.gains_by_sorted_rays(Some(self.context.info().kind)),
+            RayOrder::Auto => !options.gains_by_sorted_rays(Some(kind)),
         };
-        let may_be_cut = keeps_order && options.has_independent_hits() && !options.counters;
-        if !may_be_cut || !is_worth_streaming(stream.count) {
-            return Ok(None);
-        }
         self.prepare(Task::Batch)?;
-        let entry = Entry::of_batch(stream.any_hit, self.options.packet_size);
-        let OpenClBackend { context, scene, passes, trace_plan, work_group, stream: kept, .. } = self;
-        let memory_and_bytes = (PINNED_BYTES, transferred_bytes(stream.count));
-        let streamed = context.streamed(memory_and_bytes, |pinned| {
-            let known = kept.take().map_or_else(|| StreamBuffers::new(context, passes.defers()), Ok);
-            let buffers = match known {
-                Ok(buffers) => kept.insert(buffers),
-                Err(Error::TooLarge { .. }) => return Ok(None),
-                Err(error) => return Err(error),
-            };
-            let (plan, work_group) = (trace_plan, *work_group);
-            let streaming = Streaming { context, scene, passes, plan, buffers, pinned, entry, work_group };
-            streaming.run(stream, progress).map(Some)
-        });
-        streamed.unwrap_or(Ok(None))
+        let streamed = match keeps_order && is_worth_streaming(stream.count) {
+            true => self.trace_streaming(stream, progress)?,
+            false => None,
+        };
+        match streamed {
+            None if kind == DeviceKind::Cpu => self.trace_in_place(stream, progress),
+            _ => Ok(streamed),
+        }
     }
 
     fn trace_all(&mut self, job: &AllHitsJob, progress: Progress) -> Result<AllHits> {
@@ -423,8 +416,13 @@ impl Backend for OpenClBackend {
 }
 
 impl OpenClBackend {
-    /// Traces a batch in the order of the job.
-    fn trace_batch(&mut self, job: &TraceJob, progress: Progress) -> Result<TraceResult> {
+    /// What says in which order rays are traced.
+    fn order(&self) -> Order {
+        Order { options: self.options, buffers: self.buffers.clone(), kind: self.context.info().kind }
+    }
+
+    /// Traces a batch, in another order than its own if one is given.
+    fn trace_batch(&mut self, job: &TraceJob, sorted: Option<Sorted>, progress: Progress) -> Result<TraceResult> {
         let total = job.rays.len();
         let start = Instant::now();
         let rays = Buffer::from_slice(&self.context, "rays", job.rays)?;
@@ -433,40 +431,29 @@ impl OpenClBackend {
         let next_hits = Buffer::<Hit>::empty(&self.context, "next hits", job.next_directions.map_or(0, <[_]>::len))?;
         let ray_work = self.work_buffer::<RayWork>(total)?;
         let next_work = self.work_buffer::<RayWork>(next_hits.len())?;
-        self.context.finish()?;
-        let mut result = TraceResult { upload_s: start.elapsed().as_secs_f64(), ..TraceResult::default() };
-
         let deferred = Deferred::new(&self.context, self.passes.defers(), total)?;
-        let OpenClBackend { context, scene, passes, trace_plan, work_group, .. } = self;
-        let rows = Rows::find(job.rays);
-        let first_entry = Entry::of_batch(job.any_hit, self.options.packet_size);
-        let set_first = |kernel: &mut Kernel| {
-            scene
-                .geometry_arguments(kernel)?
-                .set(&rays)?
-                .set(&hits)?
-                .set_work(&ray_work)?
-                .set(&deferred.items)?
-                .set(rows.length)?
-                .set(rows.in_bands)
-                .map(|_| ())
-        };
-        let set_next = |kernel: &mut Kernel| {
-            let arguments =
-                scene.geometry_arguments(kernel)?.set(&rays)?.set(&directions)?.set(&hits)?.set(&next_hits)?;
-            arguments.set_work(&next_work)?.set(&deferred.items).map(|_| ())
-        };
+        let batch =
+            DeviceBatch::new(&self.context, (&rays, &hits, &deferred), sorted.as_ref(), || Rows::find(job.rays))?;
+        self.context.finish()?;
+        let upload_s = start.elapsed().as_secs_f64();
+        let sort_s = sorted.map(|sorted| sorted.sort_s);
+        let mut result = TraceResult { upload_s, sort_s, ..TraceResult::default() };
+
         let mut done = 0;
         let work = (total * job.repeat as usize).max(1) as f64;
         for _ in 0..job.repeat {
-            let shape = || (0..total, *work_group);
-            let mut seconds =
-                passes.run(context, first_entry, &set_first, trace_plan, shape(), &deferred, |items| {
-                    done += items;
-                    progress(done as f64 / work);
-                })?;
+            let mut seconds = self.trace_first((&batch, total), &ray_work, job.any_hit, |items| {
+                done += items;
+                progress(done as f64 / work);
+            })?;
             if job.next_directions.is_some() {
-                seconds += passes.run(context, Entry::TraceNext, &set_next, trace_plan, shape(), &deferred, |_| ())?;
+                let OpenClBackend { context, scene, passes, trace_plan, work_group, .. } = self;
+                let set = |kernel: &mut Kernel| {
+                    let arguments = scene.geometry_arguments(kernel)?.set(&rays)?.set(&directions)?;
+                    batch.set_order(arguments.set(&hits)?.set(&next_hits)?.set_work(&next_work)?).map(|_| ())
+                };
+                let shape = (0..total, *work_group);
+                seconds += passes.run(context, Entry::TraceNext, &set, trace_plan, shape, &deferred, |_| ())?;
             }
             result.kernel_s.push(seconds);
         }
@@ -479,6 +466,60 @@ impl OpenClBackend {
         result.next_work = next_work.filter(|_| job.next_directions.is_some()).map(|work| work.read()).transpose()?;
         result.read_s = start.elapsed().as_secs_f64();
         Ok(result)
+    }
+
+    /// Traces the first so many rays of a batch, in both passes; `done` is told of launches. Seconds of device time.
+    fn trace_first(
+        &mut self,
+        (batch, rays): (&DeviceBatch, usize),
+        work: &Option<Buffer<RayWork>>,
+        any_hit: bool,
+        done: impl FnMut(usize),
+    ) -> Result<f64> {
+        let OpenClBackend { context, scene, passes, trace_plan, work_group, options, .. } = self;
+        let set = |kernel: &mut Kernel| batch.set(scene.geometry_arguments(kernel)?, work).map(|_| ());
+        let entry = Entry::of_batch(any_hit, options.packet_size);
+        passes.run(context, entry, &set, trace_plan, (0..rays, *work_group), batch.deferred, done)
+    }
+
+    /// Has a batch stream, if that is sooner done.
+    fn trace_streaming(&mut self, stream: &RayStream, progress: Progress) -> Result<Option<TraceResult>> {
+        let entry = Entry::of_batch(stream.any_hit, self.options.packet_size);
+        let OpenClBackend { context, scene, passes, trace_plan, work_group, stream: kept, .. } = self;
+        let memory_and_bytes = (PINNED_BYTES, transferred_bytes(stream.count));
+        let streamed = context.streamed(memory_and_bytes, |pinned| {
+            let known = kept.take().map_or_else(|| StreamBuffers::new(context, passes.defers()), Ok);
+            let buffers = match known {
+                Ok(buffers) => kept.insert(buffers),
+                Err(Error::TooLarge { .. }) => return Ok(None),
+                Err(error) => return Err(error),
+            };
+            let (plan, work_group) = (trace_plan, *work_group);
+            let streaming = Streaming { context, scene, passes, plan, buffers, pinned, entry, work_group };
+            let kernel_s = vec![streaming.run(stream, progress)?];
+            Ok(Some(TraceResult { kernel_s, ..TraceResult::default() }))
+        });
+        streamed.unwrap_or(Ok(None))
+    }
+
+    /// Traces a batch in memory that the device shares with the host, if it has some.
+    fn trace_in_place(&mut self, stream: &RayStream, progress: Progress) -> Result<Option<TraceResult>> {
+        let known = self.place.take().filter(|place| place.has_room_for(stream));
+        let mut place = match known.map_or_else(|| Place::new(&self.context, self.passes.defers(), stream), Ok) {
+            Ok(place) => place,
+            Err(Error::TooLarge { .. }) => return Ok(None),
+            Err(error) => return Err(error),
+        };
+        let order = self.order();
+        let result = place.run(&self.context.clone(), stream, &order, |batch, rays| {
+            let mut done = rays.start;
+            self.trace_first((batch, rays.len()), &None, stream.any_hit, |items| {
+                done += items;
+                progress(done as f64 / stream.count as f64);
+            })
+        });
+        self.place = Some(place);
+        result.map(Some)
     }
 
     /// What launches of pictures of this size, or of lists that are no longer, have in common.

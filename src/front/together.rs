@@ -6,24 +6,21 @@ use crate::crossings::{OfPoints, QUESTIONS, are_odd, contains_by, require_exact,
 use crate::device::DeviceKind;
 use crate::error::Result;
 use crate::parallel::{self, lock, unlocked};
+use crate::reference::extreme::WorldRay;
 use crate::renderer::{Picture, PictureBlocks, render_by_several};
 use crate::runs::{Asked, BatchJob, RUN_RAYS, RaysOnDemand, RunRays, Runs, TracedRuns, trace_by_several, trace_runs};
 use crate::shared::Hit;
-use crate::streamed::{OfHit, WorldRay, trace_streamed};
-use crate::tracer::{AllHits, Finished, RayStream, RenderResult, Spent};
+use crate::streamed::{OfHit, trace_streamed};
+use crate::tracer::{AllHits, Finished, RayStream, RenderResult, Spent, rays_in_caches};
 use std::sync::Mutex;
-
-/// Rays of a run on processors, whose memory is small enough to be taken again for the next one. On two cores 8 million
-/// rays in runs of 2^16 to 2^21 took 0.73, 0.72, 0.60, 0.60, 0.76 and 0.89 of the time that all at once took.
-const RUN_RAYS_ON_PROCESSOR: usize = 1 << 18;
 
 /// The rays of a batch.
 type RayOf<'a> = &'a (dyn Fn(usize) -> WorldRay + Sync);
 
 impl Tracer {
     /// Whether a batch of so many rays is traced in runs, so that several devices share it, and a processor's cores go
-    /// over the same memory again and again. Through a GPU by itself large batches stream. Hits that are not exact may
-    /// depend on which rays share a packet; those of a batch are traced together.
+    /// over the same memory again and again, if it does not stream. Hits that are not exact may depend on which rays
+    /// share a packet; those of a batch are traced together.
     pub(super) fn goes_in_runs(&self, rays: usize) -> bool {
         let gains = self.team.is_several() || self.is_on_processor();
         gains && rays > self.run_length() && self.team.opening().options.has_independent_hits()
@@ -35,7 +32,7 @@ impl Tracer {
 
     /// How many rays a run has.
     pub(super) fn run_length(&self) -> usize {
-        if self.is_on_processor() { RUN_RAYS_ON_PROCESSOR } else { RUN_RAYS }
+        if self.is_on_processor() { rays_in_caches() } else { RUN_RAYS }
     }
 
     /// What is wanted of one hit of each of `count` rays.
@@ -45,19 +42,21 @@ impl Tracer {
         ray: impl Fn(usize) -> WorldRay + Sync,
         (asked, share): (Asked, Share),
     ) -> Result<Vec<T>> {
-        if self.goes_in_runs(count) {
-            return self.hits_in_runs(count, &ray, (asked, share));
+        let (goes_in_runs, any_ray): (_, RayOf) = (self.goes_in_runs(count), &ray);
+        if goes_in_runs && self.team.is_several() {
+            return self.hits_in_runs(count, any_ray, (asked, share));
         }
         let (any_hit, buffers, mut batch) = (asked == Asked::Any, self.buffers.clone(), None);
-        self.timed(self.depth, |backend, progress| {
+        let found = self.timed(self.depth, |backend, progress| {
             let progress = in_share(progress, share);
             let streamed = trace_streamed((&mut *backend, &buffers), (count, &ray), any_hit, &progress)?;
-            if let Some(found) = streamed {
-                return Ok(found);
+            if streamed.is_some() || goes_in_runs {
+                return Ok(streamed);
             }
-            let batch = batch.get_or_insert_with(|| buffers.batch(count, &ray, None));
-            backend.trace(&batch.job(any_hit, 1), &progress).map(|traced| T::of_all(traced.hits))
-        })
+            let batch = batch.get_or_insert_with(|| buffers.batch(count, any_ray, None));
+            backend.trace(&batch.job(any_hit, 1), &progress).map(|traced| Some(T::of_all(traced.hits)))
+        })?;
+        found.map_or_else(|| self.hits_in_runs(count, any_ray, (asked, share)), Ok)
     }
 
     fn hits_in_runs<T: OfHit>(&mut self, count: usize, ray: RayOf, asked: (Asked, Share)) -> Result<Vec<T>> {

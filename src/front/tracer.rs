@@ -19,6 +19,7 @@ use crate::layers::{layers_bytes, trace_layers};
 use crate::options::Intersector;
 use crate::pack::{PointScene, SceneBuffers};
 use crate::parallel;
+use crate::reference::extreme::WorldRay;
 use crate::renderer::{self, Crop, PictureBlocks, picture_bytes, picture_bytes_by_rows};
 use crate::runs::Asked;
 use crate::scene::{
@@ -26,7 +27,7 @@ use crate::scene::{
 };
 use crate::several::{Devices, Watcher};
 use crate::shared;
-use crate::streamed::{OfHit, WorldRay};
+use crate::streamed::OfHit;
 use crate::tracer::{self, AllHitsJob, Backend, Progress};
 use crate::winding::WindingTree;
 use glam::Vec3;

@@ -15,7 +15,7 @@
 use crate::layout::Float4;
 use crate::options::{Intersector, TraceOptions};
 use crate::pack::SceneBuffers;
-use crate::parallel;
+use crate::parallel::{self, lock, unlocked};
 use crate::reference::intersect::exact_integers::IntegerRay;
 use crate::reference::oracle::{Box64, Bvh, Line};
 use crate::reference::shade::surface::start_weights;
@@ -23,10 +23,17 @@ use crate::reference::shared::integer::float_significand;
 use crate::reference::shared::memory::vertices;
 use crate::reference::shared::ray::{NO_HIT, TrianglePoint};
 use crate::shared::{Hit, NO_PRIMITIVE, SurfaceHit, TraceRay};
-use crate::tracer::{AllHits, AllHitsJob, ExtremeRay, TraceJob, TraceResult, is_hit};
-use glam::{DVec3, Vec3};
-use std::sync::atomic::{AtomicBool, Ordering};
+use crate::tracer::{AllHits, AllHitsJob, ExtremeRay, RayStream, TraceJob, TraceResult, is_hit};
+use glam::{DVec3, Vec3, Vec3A};
+use std::sync::Mutex;
 use std::time::Instant;
+
+/// A ray in world units: origin, direction, `t_min` and `t_max`.
+pub(crate) type WorldRay = (Vec3, Vec3, f32, f32);
+
+/// So many rays are written down before the first of them is read again. What was just written in other pieces than it
+/// is read a processor waits for, which took twice the time of all else that is done to make a ray.
+const BLOCK: usize = 64;
 
 /// A batch as the tracers take it.
 #[derive(Debug, Clone, Default)]
@@ -54,24 +61,31 @@ const LARGEST_ORIGIN: f32 = f32::from_bits((127 + 126) << 23);
 const LOWEST_DIRECTION_BIT: i32 = -149 - 60;
 
 /// Whether an origin times `scale` is exactly what it was.
+#[inline]
 fn has_room(origin: Vec3, scale: f32) -> bool {
-    let scaled = origin * scale;
-    // Most numbers stay normal; the others are looked at one by one, by a division that undoes a product of powers of
-    // two exactly.
-    scaled.to_array().iter().zip(origin.to_array()).all(|(&scaled, given)| {
-        scaled.abs() <= LARGEST_ORIGIN && (scaled.abs() >= f32::MIN_POSITIVE || scaled / scale == given)
-    })
+    let given = Vec3A::from(origin);
+    let scaled = given * scale;
+    // Most numbers stay normal; of the others a division tells, which undoes a product of powers of two exactly.
+    let is_plain = scaled.abs().cmpge(Vec3A::splat(f32::MIN_POSITIVE)) | given.cmpeq(Vec3A::ZERO);
+    let is_kept = is_plain.all() || (is_plain | (scaled / scale).cmpeq(given)).all();
+    is_kept && scaled.abs().cmple(Vec3A::splat(LARGEST_ORIGIN)).all()
 }
 
 /// Whether a direction is brought to its unit without losing bits.
+#[inline]
 fn has_room_for_direction(direction: Vec3) -> bool {
-    let parts = direction.to_array().map(f32::abs);
-    let largest = parts.iter().fold(0.0, |a, &b| f32::max(a, b));
+    let parts = Vec3A::from(direction).abs();
     // A ratio of 2^-180 leaves room for the 24 bits of the smaller number.
     const SAFE: f32 = f32::from_bits((127 - 90) << 23);
-    if parts.iter().all(|&x| x == 0.0 || x / SAFE >= largest * SAFE) {
-        return true;
-    }
+    let is_near_largest = (parts / SAFE).cmpge(Vec3A::splat(parts.max_element() * SAFE));
+    (is_near_largest | parts.cmpeq(Vec3A::ZERO)).all() || keeps_bits(direction)
+}
+
+/// The same by the exponents of the lowest bits.
+#[cold]
+fn keeps_bits(direction: Vec3) -> bool {
+    let parts = direction.to_array().map(f32::abs);
+    let largest = parts.iter().fold(0.0, |a, &b| f32::max(a, b));
     let (significand, exponent) = float_significand(largest);
     let unit = exponent + 31 - significand.leading_zeros() as i32;
     parts.iter().filter(|&&x| x != 0.0).all(|&x| {
@@ -90,6 +104,7 @@ impl SceneBuffers {
     }
 
     /// Whether tracing space cannot hold a ray in world units.
+    #[inline]
     pub(crate) fn is_extreme(&self, origin: Vec3, direction: Vec3) -> bool {
         let has_room = has_room(origin, self.params.scale) && has_room_for_direction(direction);
         !(self.keeps_vertices() && has_room) && origin.is_finite() && direction.is_finite()
@@ -113,41 +128,65 @@ impl SceneBuffers {
         &self,
         batch: &mut TracingBatch,
         count: usize,
-        ray: impl Fn(usize) -> (Vec3, Vec3, f32, f32) + Sync,
+        ray: impl Fn(usize) -> WorldRay + Sync,
         next: Option<&(dyn Fn(usize) -> Vec3 + Sync)>,
     ) {
-        let extreme_of = |index: usize, (origin, direction, ..): (Vec3, Vec3, f32, f32)| {
-            let is_ray = origin.is_finite() && direction.is_finite();
-            let is_first = self.is_extreme(origin, direction);
-            let has_extreme_next = |direction: Vec3| direction.is_finite() && !has_room_for_direction(direction);
-            let is_extreme = is_first || is_ray && next.is_some_and(|next| has_extreme_next(next(index)));
-            is_extreme.then_some(ExtremeRay { index, origin, is_second: !is_first })
-        };
-        let has_extreme = AtomicBool::new(false);
-        let made = |i: usize| {
-            let given @ (origin, direction, t_min, t_max) = ray(i);
-            if extreme_of(i, given).is_some() {
-                has_extreme.store(true, Ordering::Relaxed);
-            }
-            self.trace_ray(origin, direction, t_min, t_max)
-        };
-        let rays = &mut batch.rays;
-        rays.clear();
-        parallel::extend(rays, count, made);
-        // Few, if any, so that they are looked for again, and nothing is kept of the others.
-        batch.extreme = match has_extreme.into_inner() {
-            true => parallel::flat_map_numbers(count, |i| extreme_of(i, ray(i))),
-            false => Vec::new(),
-        };
-        for ExtremeRay { index, .. } in batch.extreme.iter().filter(|ray| !ray.is_second) {
-            rays[*index] = nowhere(rays[*index]);
+        let TracingBatch { rays, next_directions, extreme } = batch;
+        if rays.capacity() < count {
+            *rays = bytemuck::zeroed_vec(count); // which many threads get from the system
         }
-        batch.next_directions = next.map(|next| parallel::map_numbers(count, |i| Float4::new(next(i), 0.0)));
+        rays.resize(count, TraceRay::default());
+        let found = Mutex::new(Vec::new());
+        parallel::each(rays.chunks_mut(RayStream::PIECE).enumerate(), |(piece, places)| {
+            let mut extreme = Vec::new(); // all rays, where the scene's own vertices have no room
+            self.make_rays(piece * RayStream::PIECE, places, &ray, &mut |index, origin, _| {
+                extreme.push(ExtremeRay { index, origin, is_second: false });
+            });
+            lock(&found).append(&mut extreme);
+        });
+        *extreme = unlocked(found);
+        if let Some(next) = next {
+            extreme.extend(parallel::flat_map_numbers(count, |index| {
+                let ((origin, direction, ..), next) = (ray(index), next(index));
+                let are_finite = origin.is_finite() && direction.is_finite() && next.is_finite();
+                let is_second = are_finite && !has_room_for_direction(next) && !self.is_extreme(origin, direction);
+                is_second.then_some(ExtremeRay { index, origin, is_second })
+            }));
+        }
+        extreme.sort_unstable_by_key(|ray| ray.index);
+        *next_directions = next.map(|next| parallel::map_numbers(count, |i| Float4::new(next(i), 0.0)));
+    }
+
+    /// Makes the rays from a number on of those that `ray` makes. `extreme` is told of those that tracing space cannot
+    /// hold, which start nowhere: their numbers, and where they start.
+    pub(crate) fn make_rays(
+        &self,
+        first: usize,
+        places: &mut [TraceRay],
+        ray: &impl Fn(usize) -> WorldRay,
+        extreme: &mut dyn FnMut(usize, Vec3, TraceRay),
+    ) {
+        for (block, places) in places.chunks_mut(BLOCK).enumerate() {
+            let first = first + block * BLOCK;
+            for (number, place) in (first..).zip(&mut *places) {
+                let (origin, direction, t_min, t_max) = ray(number);
+                let (origin_t_min, direction_t_max) = (Float4::new(origin, t_min), Float4::new(direction, t_max));
+                *place = TraceRay { origin_t_min, direction_t_max };
+            }
+            for (number, place) in (first..).zip(places) {
+                let (origin, direction) = (place.origin_t_min.xyz(), place.direction_t_max.xyz());
+                *place = self.trace_ray(origin, direction, place.origin_t_min.w, place.direction_t_max.w);
+                if self.is_extreme(origin, direction) {
+                    *place = nowhere(*place);
+                    extreme(number, origin, *place);
+                }
+            }
+        }
     }
 }
 
 /// A ray that starts nowhere, and hits nothing.
-pub(crate) fn nowhere(ray: TraceRay) -> TraceRay {
+fn nowhere(ray: TraceRay) -> TraceRay {
     TraceRay { origin_t_min: Float4::new(Vec3::NAN, ray.origin_t_min.w), ..ray }
 }
 

@@ -20,7 +20,7 @@ use crate::layout::Float4;
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
 use crate::parallel;
-use crate::ray_order::trace_in_order;
+use crate::ray_order::{Sorted, sorted, trace_sorted};
 use crate::shared::{COUNTERS, CameraSample, Light, RenderParams, TextureRequest};
 use crate::tracer::{
     AllHits, AllHitsJob, Backend, Candidates, CandidatesJob, Progress, RenderResult, TraceJob, TraceResult,
@@ -121,7 +121,10 @@ impl Backend for ReferenceBackend {
         let pays = self.options.gains_by_sorted_rays(None);
         let trial = |job: &TraceJob, options| Self::new(self.buffers.clone(), options).trace_batch(job, &|_| ());
         let trace = |job: &TraceJob| self.trace_batch(job, progress);
-        let mut result = trace_in_order(job, &self.options, &self.buffers.params, pays, trial, trace)?;
+        let mut result = match sorted(job, &self.options, &self.buffers.params, pays, trial)? {
+            Some(Sorted { order, sort_s }) => TraceResult { sort_s: Some(sort_s), ..trace_sorted(job, &order, trace)? },
+            None => trace(job)?,
+        };
         answer_extreme(job, &self.options, &self.buffers, &mut result);
         Ok(result)
     }

@@ -111,7 +111,7 @@ impl Backend for FallBack {
         self.done(|tracer| tracer.trace(job, progress))
     }
 
-    fn trace_stream(&mut self, stream: &RayStream, progress: Progress) -> Result<Option<f64>> {
+    fn trace_stream(&mut self, stream: &RayStream, progress: Progress) -> Result<Option<TraceResult>> {
         self.done(|tracer| tracer.trace_stream(stream, progress))
     }
 

@@ -1,4 +1,5 @@
-//! Batches that stream through a device, part by part, against the same rays traced at once, bit for bit.
+//! Batches that go through a device part by part, as a stream or in place, against the same rays traced at once, bit
+//! for bit.
 
 use crate::common::{Random, SEED, device, on_oclgrind, scene_of, soup};
 use crate::packets::{PACKETS, bits, scattered, trace};
@@ -6,7 +7,7 @@ use raybrook::low_level::device::OpenClBackend;
 use raybrook::low_level::options::{Intersector, RayOrder, StructureKind, TraceOptions};
 use raybrook::low_level::pack::SceneBuffers;
 use raybrook::low_level::shared::{Hit, TraceRay};
-use raybrook::low_level::tracer::{Backend, RayStream, is_hit};
+use raybrook::low_level::tracer::{Backend, RayStream, TraceResult, is_hit};
 use raybrook::{DeviceKind, Error, Result};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
@@ -15,17 +16,25 @@ use std::sync::{Arc, Mutex};
 /// Rays of the shortest parts, and how many rays there are at least, for a stream to be worth it.
 const PART: usize = 1 << 16;
 const LEAST: usize = 3 * PART;
+/// Rays of a part that is traced in place.
+const PLACE: usize = 1 << 18;
 
 const BVH2: TraceOptions = TraceOptions::of(StructureKind::Bvh2);
 
 /// A tracer whose batches stream, if there is a device; and rays of all kinds, of which some are deferred.
 fn bench(options: &TraceOptions, rays: usize) -> Option<(OpenClBackend, Vec<TraceRay>)> {
+    let (tracer, rays) = whole_bench(options, rays)?;
+    tracer.stage_transfers();
+    Some((tracer, rays))
+}
+
+/// The same with a tracer that does as it does by itself.
+fn whole_bench(options: &TraceOptions, rays: usize) -> Option<(OpenClBackend, Vec<TraceRay>)> {
     let device = device()?;
     let mut random = Random::new(SEED);
     let triangles = soup(300, 0.4, &mut random);
     let buffers = Arc::new(SceneBuffers::new(&scene_of(&triangles), options).unwrap());
     let tracer = OpenClBackend::new(&device, &buffers, options, 1, None).unwrap();
-    tracer.stage_transfers();
     // All are different, but it takes long to make them.
     let some = scattered(10_007, &triangles, &mut random);
     let mut ray = |i: usize| {
@@ -36,8 +45,21 @@ fn bench(options: &TraceOptions, rays: usize) -> Option<(OpenClBackend, Vec<Trac
     Some((tracer, (0..rays).map(&mut ray).collect()))
 }
 
-/// Streams rays; the hits of all of them, those that were deferred among them, and how many these are.
-fn stream(tracer: &mut OpenClBackend, rays: &[TraceRay], any_hit: bool) -> Option<(Vec<Hit>, usize)> {
+fn is_cpu() -> bool {
+    device().is_some_and(|device| device.info.kind == DeviceKind::Cpu)
+}
+
+/// What came of a stream.
+struct Streamed {
+    /// The hits of all rays.
+    hits: Vec<Hit>,
+    /// How many of them were deferred.
+    deferred: usize,
+    took: TraceResult,
+}
+
+/// Streams rays, if the tracer has them stream.
+fn stream(tracer: &mut OpenClBackend, rays: &[TraceRay], any_hit: bool) -> Option<Streamed> {
     let hits: Vec<_> = rays.iter().map(|_| Mutex::new(None)).collect();
     let made: Vec<_> = (0..rays.len().div_ceil(RayStream::PIECE)).map(|_| AtomicU32::new(0)).collect();
     let make = |first: usize, places: &mut [TraceRay]| {
@@ -61,10 +83,11 @@ fn stream(tracer: &mut OpenClBackend, rays: &[TraceRay], any_hit: bool) -> Optio
         deferred.lock().unwrap().push((number, *ray));
     };
     let stream = RayStream { count: rays.len(), any_hit, make: &make, defer: &defer, take: &take };
-    let kernel_s = tracer.trace_stream(&stream, &progress).unwrap()?;
-    assert!(kernel_s > 0.0 && made.iter().all(|made| made.load(Ordering::Relaxed) == 1));
+    let took = tracer.trace_stream(&stream, &progress).unwrap()?;
+    assert!(took.hits.is_empty() && (took.kernel_s.iter().sum::<f64>() > 0.0 || rays.is_empty()));
+    assert!(made.iter().all(|made| made.load(Ordering::Relaxed) == 1));
     let parts = parts.into_inner().unwrap();
-    assert!(parts.is_sorted() && parts.last() == Some(&1.0), "{parts:?}");
+    assert!(parts.is_sorted() && (parts.last() == Some(&1.0) || rays.is_empty()), "{parts:?}");
 
     let deferred = deferred.into_inner().unwrap();
     let mut hits: Vec<Hit> = hits.into_iter().map(|hit| hit.into_inner().unwrap().unwrap()).collect();
@@ -73,7 +96,7 @@ fn stream(tracer: &mut OpenClBackend, rays: &[TraceRay], any_hit: bool) -> Optio
         assert_eq!(bytemuck::bytes_of(ray), bytemuck::bytes_of(&rays[*number]));
         hits[*number] = hit;
     }
-    Some((hits, deferred.len()))
+    Some(Streamed { hits, deferred: deferred.len(), took })
 }
 
 #[test]
@@ -86,18 +109,53 @@ fn streams_have_the_hits_of_whole_batches() {
             let Some((mut tracer, rays)) = bench(&options, count) else { return };
             let expected = trace(&mut tracer, &rays, any_hit).hits;
             let streamed = stream(&mut tracer, &rays, any_hit);
-            assert_eq!(streamed.is_some(), count >= LEAST);
-            let Some((hits, deferred)) = streamed else { continue };
-            let differ = |i: &usize| match any_hit {
-                true => is_hit(&hits[*i]) != is_hit(&expected[*i]),
-                false => bits(&hits[*i]) != bits(&expected[*i]),
-            };
-            assert_eq!((0..count).find(differ), None, "{options:?} {any_hit} {count} (seed {SEED})");
-            let hit = hits.iter().filter(|hit| is_hit(hit)).count();
-            assert!(hit > count / 10 && hit < count, "{hit} of {count}");
+            // On CPUs fewer are traced in place.
+            assert_eq!(streamed.is_some(), count >= LEAST || is_cpu());
+            let Some(Streamed { hits, deferred, .. }) = streamed else { continue };
+            check_hits((&hits, &expected), any_hit, &format!("{options:?} {any_hit} {count}"));
             // More than come with the hits of a part.
             let many = 1024 * count.div_ceil(PART);
-            assert!(deferred > if any_hit { 0 } else { many }, "{options:?} {any_hit} {count}: {deferred}");
+            let least = if any_hit || count < LEAST { 0 } else { many };
+            assert!(deferred > least || count < LEAST, "{options:?} {any_hit} {count}: {deferred}");
+        }
+    }
+}
+
+/// The answers are those of the whole batch, hits and misses.
+fn check_hits((hits, expected): (&[Hit], &[Hit]), any_hit: bool, what: &str) {
+    let differ = |i: &usize| match any_hit {
+        true => is_hit(&hits[*i]) != is_hit(&expected[*i]),
+        false => bits(&hits[*i]) != bits(&expected[*i]),
+    };
+    assert_eq!((0..expected.len()).find(differ), None, "{what} (seed {SEED})");
+    let (hit, count) = (hits.iter().filter(|hit| is_hit(hit)).count(), hits.len());
+    assert!(count < 100 || hit > count / 10 && hit < count, "{what}: {hit} of {count}");
+}
+
+#[test]
+fn what_is_traced_in_place_has_the_hits_of_whole_batches() {
+    if !is_cpu() {
+        println!("skipped: no OpenCL device that is a CPU");
+        return;
+    }
+    let sorted = TraceOptions { ray_order: RayOrder::Sorted, ..PACKETS };
+    let long: &[usize] = if on_oclgrind() { &[] } else { &[PLACE + 777] };
+    for (options, any_hit, counts) in
+        [(PACKETS, false, &[0, 1, 15, 1000][..]), (PACKETS, false, long), (PACKETS, true, long), (sorted, false, long)]
+    {
+        let Some((mut tracer, rays)) = whole_bench(&options, counts.iter().copied().max().unwrap_or(0)) else { return };
+        // A short batch before and after a long one.
+        for &count in counts.iter().chain(counts.first()) {
+            let what = format!("{options:?} {any_hit} {count}");
+            let expected = trace(&mut tracer, &rays[..count], any_hit);
+            let Streamed { hits, deferred, took } = stream(&mut tracer, &rays[..count], any_hit).unwrap();
+            check_hits((&hits, &expected.hits), any_hit, &what);
+            assert_eq!(deferred, 0, "{what}");
+            let is_sorted = options.ray_order == RayOrder::Sorted;
+            // What is left to the second pass depends on the rays of a packet, and those on what is sorted with them.
+            assert!(took.second_pass == expected.second_pass || is_sorted, "{what}");
+            assert!(count < 1000 || any_hit || took.second_pass > Some(0), "{what}");
+            assert_eq!(took.sort_s.is_some(), is_sorted && count > 0, "{what}");
         }
     }
 }
@@ -109,21 +167,28 @@ fn what_does_not_stream_is_traced_at_once() {
     let rounded = TraceOptions { intersector: Intersector::Watertight, ray_order: RayOrder::Kept, ..PACKETS };
     for options in [counting, sorted, rounded, PACKETS] {
         let Some((mut tracer, rays)) = bench(&options, LEAST) else { return };
-        // On a CPU packets gain by order.
-        let streams = options == PACKETS && device().is_some_and(|device| device.info.kind == DeviceKind::Gpu);
+        // On a CPU they are traced in place, in whatever order.
+        let streams = options == PACKETS || options == sorted && is_cpu();
         assert_eq!(stream(&mut tracer, &rays, false).is_some(), streams, "{options:?}");
     }
 }
 
 #[test]
 fn streams_end_where_they_are_stopped_and_others_follow() {
-    let Some((mut tracer, rays)) = bench(&BVH2, 4 * PART) else { return };
     if on_oclgrind() {
         return; // for which that is too much
     }
-    let expected = trace(&mut tracer, &rays, false).hits;
+    let streaming = bench(&BVH2, 4 * PART);
+    let in_place = is_cpu().then(|| whole_bench(&BVH2, PLACE + PART)).flatten();
+    for (mut tracer, rays) in [streaming, in_place].into_iter().flatten() {
+        check_ends(&mut tracer, &rays);
+    }
+}
+
+fn check_ends(tracer: &mut OpenClBackend, rays: &[TraceRay]) {
+    let expected = trace(tracer, rays, false).hits;
     let again = |tracer: &mut OpenClBackend| {
-        let (hits, _) = stream(tracer, &rays, false).unwrap();
+        let Streamed { hits, .. } = stream(tracer, rays, false).unwrap();
         assert!(hits.iter().zip(&expected).all(|(hit, expected)| bits(hit) == bits(expected)));
     };
     let from = |first: usize| first >= 2 * PART;
@@ -151,15 +216,15 @@ fn streams_end_where_they_are_stopped_and_others_follow() {
         &mut |tracer: &mut OpenClBackend| run(tracer, &make, &take, &watching),
     ] as [&mut dyn FnMut(&mut OpenClBackend) -> Result<()>; 3]
     {
-        assert!(catch_unwind(AssertUnwindSafe(|| run_to_panic(&mut tracer))).is_err());
+        assert!(catch_unwind(AssertUnwindSafe(|| run_to_panic(tracer))).is_err());
     }
-    again(&mut tracer);
+    again(tracer);
     // By a flag.
     let stop = Arc::new(AtomicBool::new(false));
     tracer.stop_when(stop.clone());
     let stopping = |first: usize, _: &[Hit]| stop.store(first >= PART, Ordering::Relaxed);
-    let stopped = run(&mut tracer, &make, &stopping, &|_| ());
+    let stopped = run(tracer, &make, &stopping, &|_| ());
     assert!(matches!(stopped, Err(Error::Stopped)), "{stopped:?}");
     stop.store(false, Ordering::Relaxed);
-    again(&mut tracer);
+    again(tracer);
 }

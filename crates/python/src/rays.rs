@@ -10,33 +10,51 @@ use std::ops::Range;
 /// those whose rows have none.
 pub type GivenRays<'py> = (PyReadonlyArray2<'py, f32>, Option<PyReadonlyArray2<'py, f32>>, [f32; 2]);
 
-/// Rays in the memory of arrays: rows of origin and direction, with or without limits of t; or origins alone, and
-/// directions in an array of their own.
+/// Rays in the memory of arrays.
 #[derive(Clone, Copy)]
-pub struct Rays<'a> {
-    rows: &'a [f32],
-    width: usize,
-    directions: Option<&'a [f32]>,
-    limits: [f32; 2],
+pub enum Rays<'a> {
+    /// Rows of origin and direction; the limits of all.
+    Lines(&'a [[f32; 6]], [f32; 2]),
+    /// Rows of origin, direction and limits.
+    Limited(&'a [[f32; 8]]),
+    /// Origins alone, and directions in an array of their own, as many; the limits of all.
+    Apart(&'a [[f32; 3]], &'a [[f32; 3]], [f32; 2]),
 }
 
 impl<'a> Rays<'a> {
     pub fn new((rows, directions, limits): &'a GivenRays<'_>) -> PyResult<Rays<'a>> {
-        let directions = directions.as_ref().map(|array| array.as_slice()).transpose()?;
-        Ok(Rays { rows: rows.as_slice()?, width: rows.shape()[1], directions, limits: *limits })
+        let numbers = rows.as_slice()?;
+        Ok(match directions {
+            Some(directions) => Rays::Apart(numbers.as_chunks().0, directions.as_slice()?.as_chunks().0, *limits),
+            None if rows.shape()[1] == 8 => Rays::Limited(numbers.as_chunks().0),
+            None => Rays::Lines(numbers.as_chunks().0, *limits),
+        })
     }
 
     pub fn len(&self) -> usize {
-        self.rows.len() / self.width
+        match self {
+            Rays::Lines(rows, _) => rows.len(),
+            Rays::Limited(rows) => rows.len(),
+            Rays::Apart(origins, ..) => origins.len(),
+        }
     }
 
     /// One of the rays as the library takes them.
+    // Where it is not inlined, a ray goes through memory, which takes longer than all that is done with it.
+    #[inline(always)]
     pub fn ray(&self, i: usize) -> Ray {
-        let three = |numbers: &[f32], first: usize| [numbers[first], numbers[first + 1], numbers[first + 2]];
-        let first = i * self.width;
-        let direction = self.directions.map_or_else(|| three(self.rows, first + 3), |all| three(all, 3 * i));
-        let [t_min, t_max] = if self.width == 8 { [self.rows[first + 6], self.rows[first + 7]] } else { self.limits };
-        Ray { origin: three(self.rows, first), direction, t_min, t_max }
+        let (origin, direction, [t_min, t_max]) = match *self {
+            Rays::Lines(rows, limits) => {
+                let [x, y, z, u, v, w] = rows[i];
+                ([x, y, z], [u, v, w], limits)
+            }
+            Rays::Limited(rows) => {
+                let [x, y, z, u, v, w, t_min, t_max] = rows[i];
+                ([x, y, z], [u, v, w], [t_min, t_max])
+            }
+            Rays::Apart(origins, directions, limits) => (origins[i], directions[i], limits),
+        };
+        Ray { origin, direction, t_min, t_max }
     }
 
     /// Some of the rays as the library takes them.

@@ -1,0 +1,64 @@
+//! A batch in the device's memory, and the order in which its rays are traced.
+
+use super::deferred::Deferred;
+use super::launch::Arguments;
+use super::rows::Rows;
+use super::{Buffer, DeviceContext, DeviceKind};
+use crate::error::Result;
+use crate::options::TraceOptions;
+use crate::pack::SceneBuffers;
+use crate::ray_order::{Sorted, sorted};
+use crate::reference::ReferenceBackend;
+use crate::shared::{Hit, TraceRay};
+use crate::tracer::{Backend, TraceJob};
+use crate::work::RayWork;
+use std::sync::Arc;
+
+/// What decides in which order rays are traced.
+pub(super) struct Order {
+    pub options: TraceOptions,
+    pub buffers: Arc<SceneBuffers>,
+    pub kind: DeviceKind,
+}
+
+impl Order {
+    /// That of a batch, if it is not its own.
+    pub fn of(&self, job: &TraceJob) -> Result<Option<Sorted>> {
+        let trial = |job: &TraceJob, options| ReferenceBackend::new(self.buffers.clone(), options).trace(job, &|_| ());
+        let pays = self.options.gains_by_sorted_rays(Some(self.kind));
+        sorted(job, &self.options, &self.buffers.params, pays, trial)
+    }
+}
+
+/// Rays of a batch, and where their hits are written.
+pub(super) struct DeviceBatch<'a> {
+    pub rays: &'a Buffer<TraceRay>,
+    pub hits: &'a Buffer<Hit>,
+    pub deferred: &'a Deferred,
+    rows: Rows,
+    sorted: Option<Buffer<u32>>,
+}
+
+impl<'a> DeviceBatch<'a> {
+    /// In that order, or in their own, which may have rows.
+    pub fn new(
+        context: &DeviceContext,
+        (rays, hits, deferred): (&'a Buffer<TraceRay>, &'a Buffer<Hit>, &'a Deferred),
+        sorted: Option<&Sorted>,
+        rows: impl FnOnce() -> Rows,
+    ) -> Result<DeviceBatch<'a>> {
+        let rows = if sorted.is_some() { Rows::default() } else { rows() };
+        let buffer = |sorted: &Sorted| Buffer::from_slice(context, "order of rays", &sorted.order);
+        Ok(DeviceBatch { rays, hits, deferred, rows, sorted: sorted.map(buffer).transpose()? })
+    }
+
+    /// Passes the batch to a kernel, after the scene's geometry.
+    pub fn set<'k>(&self, arguments: Arguments<'k>, work: &Option<Buffer<RayWork>>) -> Result<Arguments<'k>> {
+        self.set_order(arguments.set(self.rays)?.set(self.hits)?.set_work(work)?)
+    }
+
+    /// Passes what is deferred, and the order.
+    pub fn set_order<'k>(&self, arguments: Arguments<'k>) -> Result<Arguments<'k>> {
+        arguments.set(&self.deferred.items)?.set_order(self.rows, self.sorted.as_ref())
+    }
+}
