@@ -15,7 +15,6 @@ use crate::shared::{SceneParams, TraceRay, WorkCounter};
 use crate::tracer::{TraceJob, TraceResult};
 use crate::work::WorkSum;
 use glam::{Vec2, Vec2Swizzles, Vec3};
-use rayon::slice::ParallelSliceMut;
 use std::time::Instant;
 
 /// Cells of origins along the scene's longest side, as a power of two. With 5 or 10 bits in place of 7 diffuse rays
@@ -184,9 +183,8 @@ impl RayKeys {
         let index_bits = usize::BITS - rays.len().leading_zeros();
         let dropped = (KEY_BITS + index_bits).saturating_sub(u64::BITS);
         let entry = |i: usize| self.key(&rays[i]) >> dropped << index_bits | i as u64;
-        let mut order = parallel::map_numbers(rays.len(), entry);
-        order.par_sort_unstable();
-        parallel::map_slice(&order, |entry| (entry & ((1 << index_bits) - 1)) as u32)
+        let sorted = parallel::sorted(&parallel::map_numbers(rays.len(), entry));
+        parallel::map_slice(&sorted, |entry| (entry & ((1 << index_bits) - 1)) as u32)
     }
 }
 

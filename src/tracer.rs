@@ -117,7 +117,7 @@ impl RayStream<'_> {
 /// Rays that a processor's cores go over at a time, again and again in the same memory, which caches hold. On two
 /// cores 8 million camera rays in runs of 2^16 to 2^21 took 0.73, 0.72, 0.60, 0.60, 0.76 and 0.89 of the time that all
 /// at once took; on sixteen 4 million in parts of 2^18 to 2^22 29, 23.6, 21.2, 18.2 and 18.6 ms.
-pub(crate) fn rays_in_caches() -> usize {
+pub fn rays_in_caches() -> usize {
     (rayon::current_num_threads() << 17).clamp(1 << 18, 1 << 22)
 }
 

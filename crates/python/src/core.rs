@@ -15,6 +15,7 @@ use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use raybrook::low_level::blocks::Area;
+use raybrook::low_level::tracer::rays_in_caches;
 use raybrook::{AllHits, DeviceKind, Hit, Ray, Result, Scene, Tracer};
 use std::ops::Range;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
@@ -22,13 +23,9 @@ use std::path::PathBuf;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::time::Instant;
 
-/// Rays or points that are traced at a time at the most: enough to fill a device, and their memory on the way is small
+/// Rays or points that a GPU traces at a time at the most: enough to fill it, and their memory on the way is small
 /// beside that of a scene.
 const AT_A_TIME: usize = 1 << 20;
-/// On processors, which need fewer to be full: memory that is small enough is taken again for the next part, where new
-/// memory is cleared, page by page. A million rays through 192,000 triangles took 0.6 to 0.7 of the time in parts of
-/// 2^18, on two cores.
-const AT_A_TIME_ON_CPU: usize = 1 << 18;
 /// Of several devices for each: they share what is more than a million.
 const AT_A_TIME_OF_EACH: usize = 1 << 24;
 
@@ -77,7 +74,7 @@ impl Core {
             let tracer = place.as_mut().expect("it was opened");
             let known = tracer.notes();
             let mut parts = Parts::new(match tracer.device_count() {
-                1 if DeviceKind::is_processor(tracer.device_kind()) => AT_A_TIME_ON_CPU,
+                1 if DeviceKind::is_processor(tracer.device_kind()) => rays_in_caches(),
                 1 => AT_A_TIME,
                 several => several * AT_A_TIME_OF_EACH,
             });
