@@ -50,7 +50,7 @@ const SORTED_SAMPLES: usize = 4096;
 /// took as long sorted as shuffled, and its diffuse rays (1) gained what their sorting took.
 const NEIGHBOURS: f32 = 0.125;
 
-/// In which order the rays of a sorted batch are traced.
+/// In which order the rays of a batch are traced that is sorted.
 pub(crate) struct Sorted {
     /// Their numbers.
     pub order: Vec<u32>,
@@ -83,31 +83,38 @@ pub(crate) fn sorted(
                 && mean_steps(job, options, trial)? >= FEWEST_STEPS
         }
     };
-    Ok(is_sorted.then(|| {
+    // Kernels number rays in 32 bits.
+    let may_be_sorted = u32::try_from(job.rays.len()).is_ok();
+    Ok((is_sorted && may_be_sorted).then(|| {
         let order = keys.order(job.rays);
         Sorted { order, sort_s: start.elapsed().as_secs_f64() }
     }))
 }
 
-/// Traces `job` in the order of these numbers of its rays, by `trace`, which knows of no order.
+/// Traces `job` in that order, by `trace`, which knows of none.
 ///
 /// # Errors
 /// Those of `trace`.
 pub(crate) fn trace_sorted(
     job: &TraceJob,
-    order: &[u32],
+    Sorted { order, sort_s }: &Sorted,
     trace: impl FnOnce(&TraceJob) -> Result<TraceResult>,
 ) -> Result<TraceResult> {
+    let start = Instant::now();
     let rays = permuted(job.rays, order);
     let next_directions = job.next_directions.map(|directions| permuted(directions, order));
+    let copied_s = start.elapsed().as_secs_f64();
     let result = trace(&TraceJob { rays: &rays, next_directions: next_directions.as_deref(), ..*job })?;
-    Ok(TraceResult {
+    let start = Instant::now();
+    let mut result = TraceResult {
         hits: restored(result.hits, order),
         next_hits: result.next_hits.map(|hits| restored(hits, order)),
         work: result.work.map(|work| restored(work, order)),
         next_work: result.next_work.map(|work| restored(work, order)),
         ..result
-    })
+    };
+    result.sort_s = Some(sort_s + copied_s + start.elapsed().as_secs_f64());
+    Ok(result)
 }
 
 /// Steps of the traversal that a ray takes on average, by a few rays of the job.

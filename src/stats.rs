@@ -136,7 +136,7 @@ pub struct RunStats {
     /// Copying the scene to the device.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub upload_s: Option<f64>,
-    /// Sorting the rays of a batch and putting their hits back into the caller's order, where that was done.
+    /// Sorting the rays of a batch, where that was done.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sort_s: Option<f64>,
     /// Seconds that the host took for rays whose numbers tracing space cannot hold; not in `kernel_s`. `None` where

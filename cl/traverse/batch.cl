@@ -6,7 +6,7 @@
 
 // Or its rays are sorted, and have no rows: those of `sorted`, one after the other, which is NULL if they are not
 // (src/ray_order.rs).
-#define ORDER_ARGUMENT ROWS_ARGUMENT __global const uint *restrict sorted,
+#define ORDER_ARGUMENT ROWS_ARGUMENT __global const uint* restrict sorted,
 
 // A tile of rays: of an image four squares of 4 x 4, else four times sixteen rays in a row.
 #define TILE_RAYS 64u

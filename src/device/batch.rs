@@ -32,8 +32,8 @@ impl Order {
 
 /// Rays of a batch, and where their hits are written.
 pub(super) struct DeviceBatch<'a> {
-    pub rays: &'a Buffer<TraceRay>,
-    pub hits: &'a Buffer<Hit>,
+    rays: &'a Buffer<TraceRay>,
+    hits: &'a Buffer<Hit>,
     pub deferred: &'a Deferred,
     rows: Rows,
     sorted: Option<Buffer<u32>>,

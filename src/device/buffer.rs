@@ -13,6 +13,7 @@ use opencl3::memory::{Buffer as ClBuffer, CL_MAP_READ, CL_MAP_WRITE, CL_MEM_READ
 use opencl3::types::{CL_FALSE, CL_TRUE, cl_bool, cl_mem_flags};
 use std::ffi::c_void;
 use std::marker::PhantomData;
+use std::mem::ManuallyDrop;
 use std::ptr;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -429,7 +430,7 @@ impl<T: Pod> Buffer<T> {
         // SAFETY: the driver has them there until they are unmapped, which comes after; they are aligned, and all bits
         // are values of their type.
         let done = work(unsafe { std::slice::from_raw_parts_mut(at.cast(), count) });
-        mapped.unmap().map(|()| done)
+        ManuallyDrop::new(mapped).unmap().map(|()| done)
     }
 
     /// The first `len` elements of another kind in the same memory.
@@ -479,25 +480,19 @@ struct Mapped<'a, T: Pod> {
 }
 
 impl<T: Pod> Mapped<'_, T> {
-    fn unmap(self) -> Result<()> {
-        let unmapped = self.enqueue_unmap();
-        let buffer = self.buffer;
-        std::mem::forget(self);
-        buffer.begun(UNMAP, unmapped).map(|(_, event)| drop(Owned::new(event, &buffer.memory.context.0.owner)))
-    }
-
-    fn enqueue_unmap(&self) -> Enqueued {
+    /// Called once.
+    fn unmap(&self) -> Result<()> {
         let Memory { raw, context, .. } = &*self.buffer.memory;
         let _watched = watch(&context.0.owner, UNMAP, Limit::Call);
         // SAFETY: it was mapped there, and nobody looks at it any more.
-        unsafe { context.0.queue.enqueue_unmap_mem_object(raw.get(), self.at, &[]) }
+        let unmapped = unsafe { context.0.queue.enqueue_unmap_mem_object(raw.get(), self.at, &[]) };
+        self.buffer.begun(UNMAP, unmapped).map(|(_, event)| drop(Owned::new(event, &context.0.owner)))
     }
 }
 
 impl<T: Pod> Drop for Mapped<'_, T> {
     fn drop(&mut self) {
-        if let Ok(event) = self.enqueue_unmap() {
-            drop(Owned::new(event, &self.buffer.memory.context.0.owner));
-        }
+        // There is another error that says more.
+        let _ = self.unmap();
     }
 }

@@ -31,8 +31,8 @@ use std::time::Instant;
 /// A ray in world units: origin, direction, `t_min` and `t_max`.
 pub(crate) type WorldRay = (Vec3, Vec3, f32, f32);
 
-/// So many rays are written down before the first of them is read again. What was just written in other pieces than it
-/// is read a processor waits for, which took twice the time of all else that is done to make a ray.
+/// So many rays are written before the first of them is read again: a processor that reads at once what it has written
+/// in smaller pieces waits until these are in its cache, for a ray twice as long as all else takes.
 const BLOCK: usize = 64;
 
 /// A batch as the tracers take it.

@@ -20,7 +20,7 @@ use crate::layout::Float4;
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
 use crate::parallel;
-use crate::ray_order::{Sorted, sorted, trace_sorted};
+use crate::ray_order::{sorted, trace_sorted};
 use crate::shared::{COUNTERS, CameraSample, Light, RenderParams, TextureRequest};
 use crate::tracer::{
     AllHits, AllHitsJob, Backend, Candidates, CandidatesJob, Progress, RenderResult, TraceJob, TraceResult,
@@ -122,7 +122,7 @@ impl Backend for ReferenceBackend {
         let trial = |job: &TraceJob, options| Self::new(self.buffers.clone(), options).trace_batch(job, &|_| ());
         let trace = |job: &TraceJob| self.trace_batch(job, progress);
         let mut result = match sorted(job, &self.options, &self.buffers.params, pays, trial)? {
-            Some(Sorted { order, sort_s }) => TraceResult { sort_s: Some(sort_s), ..trace_sorted(job, &order, trace)? },
+            Some(sorted) => trace_sorted(job, &sorted, trace)?,
             None => trace(job)?,
         };
         answer_extreme(job, &self.options, &self.buffers, &mut result);

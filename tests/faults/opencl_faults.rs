@@ -222,6 +222,7 @@ codes! {
         count: u32, waits: Pointer, event: Pointer);
     clEnqueueWriteImage(queue: Pointer, image: Pointer, blocks: u32, origin: Pointer, region: Pointer, row: usize,
         slice: usize, data: Pointer, count: u32, waits: Pointer, event: Pointer);
+    clEnqueueUnmapMemObject(queue: Pointer, memory: Pointer, at: Pointer, count: u32, waits: Pointer, event: Pointer);
     clFlush(queue: Pointer);
     clFinish(queue: Pointer);
     clWaitForEvents(count: u32, events: Pointer);
@@ -237,6 +238,8 @@ objects! {
     clCreateProgramWithBinary(context: Pointer, count: u32, devices: Pointer, lengths: Pointer, binaries: Pointer,
         states: Pointer);
     clCreateKernel(program: Pointer, name: Pointer);
+    clEnqueueMapBuffer(queue: Pointer, buffer: Pointer, blocks: u32, flags: u64, offset: usize, size: usize,
+        count: u32, waits: Pointer, event: Pointer);
 }
 
 /// As the real one, but for a device that lacks something.

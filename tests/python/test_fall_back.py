@@ -52,13 +52,14 @@ def run(library, fault, program, falls_back, **more):
     return asked
 
 
+@pytest.mark.parametrize("call", ["clEnqueueReadBuffer", "clEnqueueMapBuffer", "clEnqueueUnmapMemObject"])
 @pytest.mark.parametrize("falls_back", [True, False])
-def test_the_reference_goes_on_if_that_is_wanted(library, falls_back):
+def test_the_reference_goes_on_if_that_is_wanted(library, falls_back, call):
     if not has_device():
         pytest.skip("there is no OpenCL device")
-    asked = run(library, "from:clEnqueueReadBuffer:-5", ASK, falls_back)
+    asked = run(library, f"from:{call}:-5", ASK, falls_back)
     begins = "the reference traces in place of" if falls_back else "DeviceError:"
-    assert asked.stdout.startswith(begins) and "clEnqueueReadBuffer" in asked.stdout, asked
+    assert asked.stdout.startswith(begins) and call in asked.stdout, asked
 
 
 SHARE = """
