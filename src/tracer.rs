@@ -74,8 +74,8 @@ pub struct TraceResult {
     pub upload_s: f64,
     /// Seconds that it took to fetch the hits.
     pub read_s: f64,
-    /// Seconds that it took to sort the rays, once for all repeats, and, where they are copied into their order and hits
-    /// back, to do that; `None` where they were traced in the caller's order.
+    /// Seconds that it took to sort the rays, once for all repeats, and to copy them into that order and their hits
+    /// back, where that is done; `None` where they were traced in the caller's order.
     pub sort_s: Option<f64>,
     /// Seconds that the host took for extreme rays; `None` where there were none.
     pub extreme_s: Option<f64>,
