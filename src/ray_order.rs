@@ -39,9 +39,9 @@ const NEARER: f32 = 0.5;
 /// How many rays of a shuffled batch are traced beforehand, on the reference, to find out what they take.
 const TRIAL_RAYS: usize = 64;
 /// Batches whose rays take fewer steps through a hierarchy of eight boxes a node leave the scene too soon to repay
-/// their sorting. On two cores with PoCL, kept and sorted, with the sorting, milliseconds of a million: camera rays
-/// through bunny (3.9 steps) 76 and 61, sponza (2.1) 46 and 53, gears (2.0) 34 and 56; bunny's shadow rays (7.0) 104
-/// and 60, gears' (1.7) 21 and 50.
+/// their sorting. On two cores with PoCL, kept and sorted, with the sorting, milliseconds: a million camera rays
+/// through bunny (3.9 steps) 79 and 47, sponza (2.1) 48 and 39, gears (2.0) 36 and 41; 428 thousand of bunny's shadow
+/// rays (7.0) 44 and 21, 622 thousand of gears' (1.7) 13 and 23. About two steps either is the faster.
 const FEWEST_STEPS: f64 = 3.0;
 /// So many rays of a batch are sorted to find out whether sorting makes neighbours of them.
 const SORTED_SAMPLES: usize = 4096;

@@ -102,7 +102,9 @@ pub(crate) fn stream_hits(
         take(first, &piece);
     }
     took.kernel_s.extend(of_apart.kernel_s);
-    took.second_pass = took.second_pass.map_or(of_apart.second_pass, |n| Some(n + of_apart.second_pass.unwrap_or(0)));
+    if let Some(deferred) = of_apart.second_pass {
+        *took.second_pass.get_or_insert(0) += deferred;
+    }
     took.extreme_s = of_apart.extreme_s;
     Ok(Some(took))
 }

@@ -56,13 +56,15 @@ impl Place {
                 parallel::each(made.chunks_mut(RayStream::PIECE).enumerate(), |(piece, made)| {
                     (stream.make)(first + piece * RayStream::PIECE, made);
                 });
-                *rows = rows.find_after(made);
                 let any_hit = stream.any_hit;
-                order.of(&TraceJob { rays: made, next_directions: None, extreme: &[], any_hit, repeat: 1 })
+                let job = TraceJob { rays: made, next_directions: None, extreme: &[], any_hit, repeat: 1 };
+                let sorted = order.of(&job)?;
+                match &sorted {
+                    Some(sorted) => *sort_s.get_or_insert(0.0) += sorted.sort_s,
+                    None => *rows = rows.find_after(job.rays),
+                }
+                Ok(sorted)
             })??;
-            if let Some(sorted) = &sorted {
-                sort_s = Some(sort_s.unwrap_or(0.0) + sorted.sort_s);
-            }
             let batch = DeviceBatch::new(context, (rays, hits, deferred), sorted.as_ref(), || *rows)?;
             kernel_s += trace(&batch, part.clone())?;
             hits.in_place(part.len(), |hits| take_in_pieces(stream.take, first, hits))?;

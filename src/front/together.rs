@@ -42,9 +42,9 @@ impl Tracer {
         ray: impl Fn(usize) -> WorldRay + Sync,
         (asked, share): (Asked, Share),
     ) -> Result<Vec<T>> {
-        let (goes_in_runs, any_ray): (_, RayOf) = (self.goes_in_runs(count), &ray);
+        let goes_in_runs = self.goes_in_runs(count);
         if goes_in_runs && self.team.is_several() {
-            return self.hits_in_runs(count, any_ray, (asked, share));
+            return self.hits_in_runs(count, &ray, (asked, share));
         }
         let (any_hit, buffers, mut batch) = (asked == Asked::Any, self.buffers.clone(), None);
         let found = self.timed(self.depth, |backend, progress| {
@@ -53,10 +53,10 @@ impl Tracer {
             if streamed.is_some() || goes_in_runs {
                 return Ok(streamed);
             }
-            let batch = batch.get_or_insert_with(|| buffers.batch(count, any_ray, None));
+            let batch = batch.get_or_insert_with(|| buffers.batch(count, &ray, None));
             backend.trace(&batch.job(any_hit, 1), &progress).map(|traced| Some(T::of_all(traced.hits)))
         })?;
-        found.map_or_else(|| self.hits_in_runs(count, any_ray, (asked, share)), Ok)
+        found.map_or_else(|| self.hits_in_runs(count, &ray, (asked, share)), Ok)
     }
 
     fn hits_in_runs<T: OfHit>(&mut self, count: usize, ray: RayOf, asked: (Asked, Share)) -> Result<Vec<T>> {
