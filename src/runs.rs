@@ -404,8 +404,8 @@ impl Took {
     }
 
     fn of_list(all: &AllHits) -> Took {
-        let AllHits { upload_s, read_s, extreme_s, .. } = *all;
-        Took { kernel_s: all.kernel_s.iter().sum(), upload_s, read_s, extreme_s, ..Took::default() }
+        let AllHits { upload_s, read_s, sort_s, extreme_s, .. } = *all;
+        Took { kernel_s: all.kernel_s.iter().sum(), upload_s, read_s, sort_s, extreme_s, ..Took::default() }
     }
 }
 

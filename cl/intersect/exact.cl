@@ -1,17 +1,18 @@
 // Ray-triangle intersection that is right: what the traversals call. The steps are in exact_filter.cl, exact_closer.cl,
 // exact_integers.cl and ties.cl.
 
-// What step 2 leaves open, as place_hit tells it; and limits of its t.
+// What step 2 leaves open, as place_hit tells it; limits of its t, and which weights are surely zero.
 INLINE int decide_closely(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, float3 p1, float3 p2, uint primitive,
-                          const Hit* hit, float* t_low, float* t_high) {
+                          const Hit* hit, float* t_low, float* t_high, uint* zeros) {
 #ifdef EXTENDED_IS_DOUBLE
     const Corners corners = {p0, p1, p2};
     const bool has_best = hit->primitive != NO_PRIMITIVE;
     const Corners best = {has_best ? LOAD_SURFACE_VERTEX(geometry, hit->primitive, 0) : p0,
                           has_best ? LOAD_SURFACE_VERTEX(geometry, hit->primitive, 1) : p1,
                           has_best ? LOAD_SURFACE_VERTEX(geometry, hit->primitive, 2) : p2};
-    const CloserLimits limits = {ray->t_near, ray->t_far, hit->u, hit->t, best, primitive < hit->primitive};
-    const ExtendedDecision closer = decide_closer(start_of_ray(GEOMETRY, ray), ray->direction, &corners, &limits);
+    const CloserLimits limits = {ray->t_near, ray->t_far, hit->u, hit->t, best, has_best, primitive < hit->primitive};
+    const ExtendedDecision closer =
+        decide_closer(start_of_ray(GEOMETRY, ray), ray->direction, &corners, &limits, zeros);
     *t_low = closer.t_low;
     *t_high = closer.t_high;
     if (closer.decision != UNDECIDED) return closer.decision;
@@ -29,15 +30,21 @@ bool are_in_one_axis_plane(float3 p0, float3 p1, float3 p2, float3 q0, float3 q1
     return any(same);
 }
 
-// What ties.cl tells of a triangle that step 2 leaves open, but for that it `is_hit`: beside the nearest hit so far the
-// lower number wins, and what lies in the plane that a ray leaves, or is that triangle once more, is met at t = 0,
-// which is not a hit.
+// What ties.cl tells of a triangle that step 2 leaves open, but for that it `is_hit`, or that the ray `crosses` its
+// plane: beside the nearest hit so far the lower number wins, and what lies in the plane that a ray leaves, or is that
+// triangle once more, is met at t = 0, which is not a hit. Where the nearest hit so far is at a vertex or an edge, as
+// the bits of its weights that are zero tell, and that is this triangle's, too, *zeros gets those of this one.
 ONE_COPY int decide_tie(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, float3 p1, float3 p2, uint primitive,
-                        const Hit* hit, bool is_hit) {
+                        const Hit* hit, bool is_hit, bool crosses, uint zeros_of_hit, uint* zeros) {
     if (hit->primitive != NO_PRIMITIVE) {
         const float3 q0 = LOAD_SURFACE_VERTEX(geometry, hit->primitive, 0);
         const float3 q1 = LOAD_SURFACE_VERTEX(geometry, hit->primitive, 1);
         const float3 q2 = LOAD_SURFACE_VERTEX(geometry, hit->primitive, 2);
+#ifdef EXTENDED_IS_DOUBLE
+        const Corners corners = {p0, p1, p2}, other = {q0, q1, q2};
+        *zeros = crosses ? zeros_of_same_point(zeros_of_hit, &other, &corners) : 0u;
+        if (*zeros != 0u) return primitive < hit->primitive ? HIT : MISS;
+#endif
         if (are_same_points(p0, p1, p2, q0, q1, q2) ||
             (is_hit && (are_in_one_axis_plane(p0, p1, p2, q0, q1, q2) || are_in_one_plane(p0, p1, p2, q0, q1, q2))))
             return primitive < hit->primitive ? HIT : MISS;
@@ -53,9 +60,11 @@ ONE_COPY int decide_tie(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, float3 p
     return UNDECIDED;
 }
 
-// Whether a triangle that step 1 leaves open is the nearest hit so far; limits of its t.
+// Whether a triangle that step 1 leaves open is the nearest hit so far; limits of its t, and the bits of its weights
+// that are surely zero. `zeros_of_hit`: those of *hit.
 ONE_COPY bool decide_undecided(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, float3 p1, float3 p2, uint primitive,
-                               const Hit* hit, float* t_low, float* t_high) {
+                               const Hit* hit, uint zeros_of_hit, float* t_low, float* t_high, uint* zeros) {
+    *zeros = 0u;
     COUNT(geometry, EXTENDED_TESTS, 1);
     const ExtendedDecision extended = decide_extended(ray->origin, ray->origin_low, ray->direction, p0, p1, p2);
     *t_low = extended.t_low;
@@ -63,13 +72,14 @@ ONE_COPY bool decide_undecided(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, f
     int decision = extended.decision == HIT ? place_hit(ray, hit, extended.t_low, extended.t_high) : extended.decision;
     if (decision == UNDECIDED) {
         COUNT(geometry, CLOSE_TESTS, 1);
-        const int tie = decide_tie(GEOMETRY, ray, p0, p1, p2, primitive, hit, extended.decision == HIT);
+        const int tie = decide_tie(GEOMETRY, ray, p0, p1, p2, primitive, hit, extended.decision == HIT,
+                                   extended.crosses, zeros_of_hit, zeros);
         if (tie == HIT) {
             *t_low = hit->u;
             *t_high = hit->t;
         }
         if (tie != UNDECIDED) return tie == HIT;
-        decision = decide_closely(GEOMETRY, ray, p0, p1, p2, primitive, hit, t_low, t_high);
+        decision = decide_closely(GEOMETRY, ray, p0, p1, p2, primitive, hit, t_low, t_high, zeros);
     }
     return decision == HIT;
 }
@@ -116,19 +126,22 @@ ONE_COPY void test_exactly(GEOMETRY_PARAMETERS, const Ray* ray, uint primitive, 
     if (place == MISS) return;
     if (decision == UNDECIDED || place == UNDECIDED) {
         if (postpone(geometry, primitive)) return;
-        if (!decide_undecided(GEOMETRY, ray, p0, p1, p2, primitive, hit, &t_low, &t_high)) return;
+        uint zeros;
+        if (!decide_undecided(GEOMETRY, ray, p0, p1, p2, primitive, hit, 0u, &t_low, &t_high, &zeros)) return;
     }
     hit->t = t_high;
     hit->u = t_low;
     hit->primitive = primitive;
 }
 
-// Decides about the triangles that a traversal has postponed. Returns whether one of them is now the hit.
+// Decides about the triangles that a traversal has postponed. Returns whether one of them is now the hit, and the bits
+// of its weights that are surely zero.
 //
 // The nearest hit does not depend on the order in which triangles are tested. Of any hits that one is the answer which
 // the traversal would have stopped at: a postponed one, if it is hit, because a sure hit ends the traversal.
-bool settle_exactly(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit* hit) {
+bool settle_postponed(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit* hit, uint* zeros) {
     bool found = false;
+    *zeros = 0u;
 #ifdef DEFER_UNDECIDED
     const uint count = geometry->undecided->count;
     if (count == 0u) return false;
@@ -142,15 +155,22 @@ bool settle_exactly(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit
         const float3 p1 = LOAD_SURFACE_VERTEX(geometry, primitive, 1);
         const float3 p2 = LOAD_SURFACE_VERTEX(geometry, primitive, 2);
         float t_low, t_high;
-        if (!decide_undecided(GEOMETRY, ray, p0, p1, p2, primitive, hit, &t_low, &t_high)) continue;
+        uint own_zeros;
+        if (!decide_undecided(GEOMETRY, ray, p0, p1, p2, primitive, hit, *zeros, &t_low, &t_high, &own_zeros)) continue;
         hit->t = t_high;
         hit->u = t_low;
         hit->primitive = primitive;
+        *zeros = own_zeros;
         found = true;
     }
     if (any_hit && !found) *hit = sure;
 #endif
     return found;
+}
+
+bool settle_exactly(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit* hit) {
+    uint zeros;
+    return settle_postponed(GEOMETRY, ray, any_hit, hit, &zeros);
 }
 
 // t in the caller's units, if it is wanted, and the weights of the triangle that a traversal has found: the floats

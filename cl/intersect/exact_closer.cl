@@ -25,11 +25,13 @@ RARE void closer_numbers(const TrianglePoint* start, float3 ray_direction, const
     const float3 p0 = corners->p0, p1 = corners->p1, p2 = corners->p2;
     const DoubleDouble3 edge1 = dd3_difference(p1, p0);
     const DoubleDouble3 edge2 = dd3_difference(p2, p0);
-    const DoubleDouble3 start1 = dd3_difference(start->other1, start->base);
-    const DoubleDouble3 start2 = dd3_difference(start->other2, start->base);
     DoubleDouble3 from = dd3_difference(p0, start->base);
-    from = dd3_add_product(&from, &start1, -start->weight1);
-    from = dd3_add_product(&from, &start2, -start->weight2);
+    if (start->weight1 != 0.0f || start->weight2 != 0.0f) { // most rays start on no triangle
+        const DoubleDouble3 start1 = dd3_difference(start->other1, start->base);
+        const DoubleDouble3 start2 = dd3_difference(start->other2, start->base);
+        from = dd3_add_product(&from, &start1, -start->weight1);
+        from = dd3_add_product(&from, &start2, -start->weight2);
+    }
     const DoubleDouble3 direction = dd3_from(ray_direction);
     const DoubleDouble3 normal = dd3_cross(&edge1, &edge2);
     const DoubleDouble3 moment = dd3_cross(&from, &direction);
@@ -64,12 +66,13 @@ int sure_sign_closer(DoubleDouble number, float bound) {
 }
 
 // Half of what D and the weights are multiples of: with every coordinate one of 2^low, the start's weights of 2^low_w
-// and the direction's components of 2^low_d, those are of 2^(2 low + low_w + low_d).
+// and the direction's components of 2^low_d, those are of 2^(2 low + low_w + low_d). Most rays start on no triangle.
 RARE double half_closer_unit(const TrianglePoint* start, float3 direction, const Corners* corners) {
-    const float3 positions[6] = {start->base, start->other1, start->other2, corners->p0, corners->p1, corners->p2};
+    const float3 positions[6] = {corners->p0, corners->p1, corners->p2, start->base, start->other1, start->other2};
+    const int count = start->weight1 == 0.0f && start->weight2 == 0.0f ? 4 : 6;
     int low = 1000, low_w = 0, low_d = 1000, high = -1000;
 #pragma unroll 1
-    for (int i = 0; i < 6; i++) widen_exponents3(positions[i], &low, &high);
+    for (int i = 0; i < count; i++) widen_exponents3(positions[i], &low, &high);
     widen_exponents3(direction, &low_d, &high);
     widen_exponents(start->weight1, &low_w, &high);
     widen_exponents(start->weight2, &low_w, &high);
@@ -104,27 +107,36 @@ RARE CloserSigns closer_signs(const CloserNumbers* n, const TrianglePoint* start
     return s;
 }
 
-// Whether a ray that hits two triangles, and in them the points that these zero weights tell, does so at the same
-// vertex or the same edge: then at the same t.
-bool are_hit_together(uint zeros, const Corners* p, uint other_zeros, const Corners* q) {
-    if (zeros == 0u || other_zeros == 0u) return false;
+// The corners of a triangle that are that point, as bits.
+uint corners_at(const Corners* q, float3 point) {
+    return (all(q->p0 == point) ? 1u : 0u) | (all(q->p1 == point) ? 2u : 0u) | (all(q->p2 == point) ? 4u : 0u);
+}
+
+// Zero weights tell the vertex of p, or the edge, that a ray meets. If q has that vertex or edge, too, the zero weights
+// of the same point in q; else 0. There the ray meets q, too, unless it is in the plane of q.
+uint zeros_of_same_point(uint zeros, const Corners* p, const Corners* q) {
+    if (zeros == 0u) return 0u;
     // The ends of the edge, which are one for a vertex: the first and the last corner of any weight.
-    const float3 p_first = (zeros & 1u) == 0u ? p->p0 : (zeros & 2u) == 0u ? p->p1 : p->p2;
-    const float3 p_last = (zeros & 4u) == 0u ? p->p2 : (zeros & 2u) == 0u ? p->p1 : p->p0;
-    const float3 q_first = (other_zeros & 1u) == 0u ? q->p0 : (other_zeros & 2u) == 0u ? q->p1 : q->p2;
-    const float3 q_last = (other_zeros & 4u) == 0u ? q->p2 : (other_zeros & 2u) == 0u ? q->p1 : q->p0;
-    return (all(p_first == q_first) && all(p_last == q_last)) || (all(p_first == q_last) && all(p_last == q_first));
+    const uint first = corners_at(q, (zeros & 1u) == 0u ? p->p0 : (zeros & 2u) == 0u ? p->p1 : p->p2);
+    const uint last = corners_at(q, (zeros & 4u) == 0u ? p->p2 : (zeros & 2u) == 0u ? p->p1 : p->p0);
+    return first == 0u || last == 0u ? 0u : 7u & ~(first | last);
 }
 
 // Whether numerator / denominator, off by no more than the bounds, surely rounds to the float *rounded.
 bool rounds_surely_closer(DoubleDouble numerator, float numerator_bound, DoubleDouble denominator,
                           float denominator_bound, float* rounded) {
     if (!is_closer_bound(numerator_bound) || !is_closer_bound(denominator_bound)) return false;
-    const double relative = (double)denominator_bound / fabs(denominator.x);
+    const double inverse = 1.0 / denominator.x;
+    const double relative = (double)denominator_bound * fabs(inverse);
     if (!(relative < MOST_DET_ERROR)) return false;
+    const double beside = (double)numerator_bound * fabs(inverse);
+    // Mostly one double tells: the second ones, two roundings of a product and those here make less than 2^-50 of it.
+    const double rough = numerator.x * inverse;
+    const double rough_error = 1.01 * (fabs(rough) * (relative + 0x1p-50) + beside);
+    *rounded = (float)(rough + rough_error);
+    if ((float)(rough - rough_error) == *rounded) return true;
     const DoubleDouble quotient = dd_divide(numerator, denominator);
-    const double error =
-        1.01 * (fabs(quotient.x) * (relative + 0x1p-100) + (double)numerator_bound / fabs(denominator.x));
+    const double error = 1.01 * (fabs(quotient.x) * (relative + 0x1p-100) + beside);
     const float low = dd_to_float(dd_add(quotient, (DoubleDouble)(-error, 0.0)));
     *rounded = dd_to_float(dd_add(quotient, (DoubleDouble)(error, 0.0)));
     return low == *rounded;
@@ -136,13 +148,14 @@ bool rounds_surely_closer(DoubleDouble numerator, float numerator_bound, DoubleD
 typedef struct {
     float t_near, t_far, t_best_low, t_best_high;
     Corners best;
-    bool is_lower;
+    bool has_best, is_lower;
 } CloserLimits;
 
-// As decide_extended and place_hit, of a ray that starts at `start`.
+// As decide_extended and place_hit, of a ray that starts at `start`. *zeros of a triangle that is hit: the bits of its
+// weights that are surely zero.
 RARE ExtendedDecision decide_closer(TrianglePoint start, float3 direction, const Corners* corners,
-                                    const CloserLimits* limits) {
-    ExtendedDecision result = {UNDECIDED, -INFINITY, INFINITY};
+                                    const CloserLimits* limits, uint* zeros) {
+    ExtendedDecision result = {UNDECIDED, -INFINITY, INFINITY, false};
     CloserNumbers n;
     closer_numbers(&start, direction, corners, &n);
     const CloserSigns signs = closer_signs(&n, &start, direction, corners);
@@ -154,6 +167,13 @@ RARE ExtendedDecision decide_closer(TrianglePoint start, float3 direction, const
         (signs.weight1 != signs.det && (signs.zeros & 2u) == 0u) ||
         (signs.weight2 != signs.det && (signs.zeros & 4u) == 0u))
         return result;
+    *zeros = signs.zeros;
+    if (limits->has_best && zeros_of_same_point(signs.zeros, corners, &limits->best) != 0u) {
+        result.decision = limits->is_lower ? HIT : MISS;
+        result.t_low = limits->t_best_low;
+        result.t_high = limits->t_best_high;
+        return result;
+    }
     float t;
     if (!rounds_surely_closer(n.distance, n.distance_bound, n.det, n.det_bound, &t)) return result;
     if (!(fabs(t) > LEAST_MAGNITUDE)) return result; // whether it is 0, and on which side of a limit, is open
@@ -173,14 +193,8 @@ RARE ExtendedDecision decide_closer(TrianglePoint start, float3 direction, const
                     fabs(best.distance.x) * (double)n.det_bound + fabs(n.det.x) * (double)best.distance_bound +
                     0x1p-102 * (fabs(n.distance.x * best.det.x) + fabs(best.distance.x * n.det.x)));
         if (!is_closer_bound(best.det_bound) || !is_closer_bound(best.distance_bound)) return result;
-        bool is_farther = (difference.x > 0.0) == ((n.det.x > 0.0) == (best.det.x > 0.0));
-        if (!(fabs(difference.x) > error)) {
-            if (signs.zeros == 0u) return result;
-            const CloserSigns of_best = closer_signs(&best, &start, direction, &limits->best);
-            if (!are_hit_together(signs.zeros, corners, of_best.zeros, &limits->best)) return result;
-            is_farther = !limits->is_lower;
-        }
-        if (is_farther) {
+        if (!(fabs(difference.x) > error)) return result;
+        if ((difference.x > 0.0) == ((n.det.x > 0.0) == (best.det.x > 0.0))) {
             result.decision = MISS;
             return result;
         }
@@ -194,9 +208,9 @@ RARE ExtendedDecision decide_closer(TrianglePoint start, float3 direction, const
 // A weight, the float nearest to numerator / D, if that is certain.
 bool finish_weight_closer(DoubleDouble numerator, float bound, const CloserNumbers* n, double half_unit,
                           float* weight) {
-    if (rounds_surely_closer(numerator, bound, n->det, n->det_bound, weight)) return true;
     *weight = 0.0f;
-    return is_surely_zero(numerator, bound, half_unit);
+    return is_surely_zero(numerator, bound, half_unit) ||
+           rounds_surely_closer(numerator, bound, n->det, n->det_bound, weight);
 }
 
 // t and the weights of a triangle that is hit.

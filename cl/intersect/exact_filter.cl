@@ -127,6 +127,7 @@ int sure_sign(Extended number, float bound) {
 typedef struct {
     int decision;
     float t_low, t_high; // of a hit
+    bool crosses;        // whether the ray is surely not parallel to the triangle's plane
 } ExtendedDecision;
 
 // Hit, miss or undecided, and limits of a hit's t. A call, because it is rare, and its registers are not wanted in the
@@ -135,8 +136,8 @@ RARE ExtendedDecision decide_extended(float3 origin, float3 origin_low, float3 d
                                       float3 p2) {
     ExtendedNumbers n;
     extended_numbers(origin, origin_low, direction, p0, p1, p2, &n);
-    ExtendedDecision result = {UNDECIDED, -INFINITY, INFINITY};
     const int sign = sure_sign(n.det, n.det_bound);
+    ExtendedDecision result = {UNDECIDED, -INFINITY, INFINITY, sign != 0};
     const int sign0 = sure_sign(n.weight0, n.bound0);
     const int sign1 = sure_sign(n.weight1, n.bound1);
     const int sign2 = sure_sign(n.weight2, n.bound2);

@@ -36,10 +36,10 @@ uint count_of_ray(GEOMETRY_PARAMETERS, Ray* ray, const uint most) {
 
 // How many hits each ray has, up to `most`.
 __kernel void count_hits(GEOMETRY_ARGUMENTS, __global const TraceRay* restrict rays, __global uint* restrict counts,
-                         WORK_ARGUMENT ROWS_ARGUMENT const uint most, const uint first, const uint end) {
+                         WORK_ARGUMENT ORDER_ARGUMENT const uint most, const uint first, const uint end) {
     const uint item = first + (uint)get_global_id(0);
     if (item >= end) return;
-    const uint index = ray_of_rows(item, row, in_bands);
+    const uint index = RAY_OF(item);
     TRAVERSAL_STATE
     WORK_SUMS(work)
     const Geometry geometry = MAKE_GEOMETRY;

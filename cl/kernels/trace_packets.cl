@@ -1,83 +1,9 @@
 // Batch queries in packets: one work-item traces PACKETS_OF_ITEM times sixteen rays of the caller's, one behind the
 // other in the batch.
 
-// Where the rays of a batch are, and their hits: those of a square, or those that `sorted` names from there on.
-typedef struct {
-    __global const TraceRay* rays;
-    __global Hit* hits;
-    __global const uint* sorted;
-    RayTile tile;
-} BatchTile;
-
-// The ray of a lane of a square.
-uint ray_in_square(const BatchTile* batch, uint square, uint lane) {
-    const uint place = place_in_square(&batch->tile, square, lane);
-    return batch->sorted != NULL ? batch->sorted[place] : place;
-}
-
-// The numbers of the sixteen rays of a square, one component after the other: origin, t_min, direction, t_max.
-void load_components(const BatchTile* batch, uint square, float16* c) {
-    float16 v[8], w[8];
-    // From two rays a vector to one component a vector: the even lanes of pairs of vectors and the odd ones, three
-    // times.
-    if (batch->sorted != NULL) {
-        __global const uint* ray = batch->sorted + square;
-#pragma unroll
-        for (uint i = 0; i < 8u; i++)
-            v[i] = (float16)(vload8(0, (__global const float*)(batch->rays + ray[2u * i])),
-                             vload8(0, (__global const float*)(batch->rays + ray[2u * i + 1u])));
-    } else {
-        __global const TraceRay* rays = batch->rays + square;
-#pragma unroll
-        for (uint i = 0; i < 8u; i++)
-            v[i] = vload16(i % 2u, (__global const float*)(rays + i / 2u * batch->tile.stride));
-    }
-#pragma unroll
-    for (uint i = 0; i < 4u; i++) {
-        w[i] = (float16)(v[2u * i].even, v[2u * i + 1u].even);
-        w[4u + i] = (float16)(v[2u * i].odd, v[2u * i + 1u].odd);
-    }
-#pragma unroll
-    for (uint i = 0; i < 2u; i++) {
-#pragma unroll
-        for (uint j = 0; j < 2u; j++) {
-            const uint pair = 4u * i + 2u * j;
-            v[4u * i + j] = (float16)(w[pair].even, w[pair + 1u].even);
-            v[4u * i + 2u + j] = (float16)(w[pair].odd, w[pair + 1u].odd);
-        }
-    }
-#pragma unroll
-    for (uint i = 0; i < 4u; i++) {
-        const uint component = 2u * (i % 2u) + i / 2u;
-        c[component] = (float16)(v[2u * i].even, v[2u * i + 1u].even);
-        c[4u + component] = (float16)(v[2u * i].odd, v[2u * i + 1u].odd);
-    }
-}
-
-// A square of rays of a batch, as far as TRAVERSE_PACKETS wants it. Returns the lanes that have a ray: not those of
-// extreme numbers, or that are not sound, which batch_ray() takes care of. *t_factor: by which t is multiplied for the
-// caller's units.
-int16 load_packet(const BatchTile* batch, uint square, float scale, RayPacket* p, float16* t_factor) {
-    if (!(scale >= 1.0f / MODERATE && scale <= MODERATE)) return (int16)(0);
-    float16 c[8], unit;
-    load_components(batch, square, c);
-#pragma unroll
-    for (uint i = 0; i < 3u; i++) {
-        p->origin[i] = c[i];
-        p->origin_low[i] = (float16)(0.0f);
-        p->direction[i] = c[4u + i];
-    }
-    p->has_low = false;
-    p->t_near = c[3];
-    p->t_far = c[7];
-    p->skip = (uint16)(NO_PRIMITIVE);
-    const int16 used = make_packet(p, scale, &unit);
-    *t_factor = unit * (1.0f / scale);
-    return used;
-}
-
 // Writes the hits of a square's rays, with components one after the other.
-void store_hits(const BatchTile* batch, uint square, float16 t, float16 u, float16 v, uint16 primitive) {
+void store_hits(const BatchTile* batch, __global Hit* hits, uint square, float16 t, float16 u, float16 v,
+                uint16 primitive) {
     const float16 p = as_float16(primitive);
     const float16 fours[4] = {
         (float16)(t.s0, u.s0, v.s0, p.s0, t.s1, u.s1, v.s1, p.s1, t.s2, u.s2, v.s2, p.s2, t.s3, u.s3, v.s3, p.s3),
@@ -87,18 +13,18 @@ void store_hits(const BatchTile* batch, uint square, float16 t, float16 u, float
     if (batch->sorted != NULL) {
         for (uint lane = 0; lane < 16u; lane++)
             vstore4(vload4(lane, (const float*)fours), 0,
-                    (__global float*)(batch->hits + batch->sorted[square + lane]));
+                    (__global float*)(hits + batch->sorted[square + lane]));
         return;
     }
 #pragma unroll
     for (uint i = 0; i < 4u; i++)
-        vstore16(fours[i], 0, (__global float*)(batch->hits + square + i * batch->tile.stride));
+        vstore16(fours[i], 0, (__global float*)(hits + square + i * batch->tile.stride));
 }
 
 // Traces packets of sixteen rays each together, those of `full` (bits). Writes to `answered` the lanes that have their
 // hits.
-void trace_together(GEOMETRY_PARAMETERS, const BatchTile* batch, const uint full, const bool any_hit,
-                    int16* answered) {
+void trace_together(GEOMETRY_PARAMETERS, const BatchTile* batch, __global Hit* hits, const uint full,
+                    const bool any_hit, int16* answered) {
     RayPacket packets[PACKETS_OF_ITEM];
     PacketHits found[PACKETS_OF_ITEM];
     float16 t_factor[PACKETS_OF_ITEM];
@@ -124,7 +50,7 @@ void trace_together(GEOMETRY_PARAMETERS, const BatchTile* batch, const uint full
         const float16 t = hit.t * t_factor[k];
         const int16 is_miss = hit.primitive == NO_PRIMITIVE;
         const int16 is_exact = any_hit ? (int16)(-1) : is_miss || (fabs(t) >= FLT_MIN && fabs(t) <= FLT_MAX);
-        store_hits(batch, square, any_hit && !is_miss ? (float16)(0.0f) : t, hit.u, hit.v, hit.primitive);
+        store_hits(batch, hits, square, any_hit && !is_miss ? (float16)(0.0f) : t, hit.u, hit.v, hit.primitive);
         const int16 is_settled = answered[k] && !found[k].undecided_lanes;
         answered[k] = is_settled && !unfinished && is_exact;
         for (ulong open = lanes_where16(is_settled && unfinished); open != 0ul; open = other_lanes8(open)) {
@@ -132,7 +58,7 @@ void trace_together(GEOMETRY_PARAMETERS, const BatchTile* batch, const uint full
             const Ray ray = batch_ray(batch->rays, index, geometry->scale);
             Hit closer;
             if (!finish_lane(GEOMETRY, &ray, lane, &found[k], &closer)) continue;
-            batch->hits[index] = batch_hit(closer);
+            hits[index] = batch_hit(closer);
             ((int*)&answered[k])[lane] = -1;
         }
     }
@@ -140,10 +66,11 @@ void trace_together(GEOMETRY_PARAMETERS, const BatchTile* batch, const uint full
 
 // The rays of one work-item: the first `count` of a tile, or all if it has fewer. What packets do not answer is traced
 // one ray after the other.
-void trace_tile(GEOMETRY_PARAMETERS, DEFERRED_ARGUMENT const BatchTile* batch, uint count, const bool any_hit) {
+void trace_tile(GEOMETRY_PARAMETERS, DEFERRED_ARGUMENT const BatchTile* batch, __global Hit* hits, uint count,
+                const bool any_hit) {
     const uint packets = min(count / 16u, PACKETS_OF_ITEM);
     int16 answered[PACKETS_OF_ITEM];
-    trace_together(GEOMETRY, batch, (1u << packets) - 1u, any_hit, answered);
+    trace_together(GEOMETRY, batch, hits, (1u << packets) - 1u, any_hit, answered);
     for (uint k = 0; k < PACKETS_OF_ITEM; k++) {
         const int16 here = k < packets ? answered[k] : (int16)(0);
         for (ulong single = ALL_LANES16 & ~lanes_where16(here); single != 0ul; single = other_lanes8(single)) {
@@ -151,8 +78,8 @@ void trace_tile(GEOMETRY_PARAMETERS, DEFERRED_ARGUMENT const BatchTile* batch, u
             if (16u * k + lane >= count) continue;
             const uint index = ray_in_square(batch, square_in_tile(&batch->tile, k), lane);
             Hit hit;
-            if (!trace_batch(GEOMETRY, batch->rays, batch->hits, index, any_hit, &hit))
-                settle_batch(GEOMETRY, batch->rays, batch->hits, index, any_hit, hit);
+            if (!trace_batch(GEOMETRY, batch->rays, hits, index, any_hit, &hit))
+                settle_batch(GEOMETRY, batch->rays, hits, index, any_hit, hit);
             if (FORGET_DEFERRED(geometry)) ADD_DEFERRED(index);
         }
     }
@@ -166,8 +93,8 @@ __kernel void trace_closest_packets(GEOMETRY_ARGUMENTS, __global const TraceRay*
     if (item >= end) return;
     TRAVERSAL_STATE
     const Geometry geometry = MAKE_GEOMETRY;
-    const BatchTile batch = {rays, hits, sorted, tile_at(item, row, in_bands)};
-    trace_tile(GEOMETRY_AT(&geometry), deferred, &batch, end - item, false);
+    const BatchTile batch = {rays, sorted, tile_at(item, row, in_bands)};
+    trace_tile(GEOMETRY_AT(&geometry), deferred, &batch, hits, end - item, false);
 }
 
 // Some hit of each ray, as trace_any.
@@ -177,6 +104,6 @@ __kernel void trace_any_packets(GEOMETRY_ARGUMENTS, __global const TraceRay* res
     if (item >= end) return;
     TRAVERSAL_STATE
     const Geometry geometry = MAKE_GEOMETRY;
-    const BatchTile batch = {rays, hits, sorted, tile_at(item, row, in_bands)};
-    trace_tile(GEOMETRY_AT(&geometry), deferred, &batch, end - item, true);
+    const BatchTile batch = {rays, sorted, tile_at(item, row, in_bands)};
+    trace_tile(GEOMETRY_AT(&geometry), deferred, &batch, hits, end - item, true);
 }

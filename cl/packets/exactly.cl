@@ -60,6 +60,7 @@ typedef struct {
     float16 t_limit; // up to which t a lane looks for a hit: nowhere where that is -infinity
     float16 t_high, t_low;
     uint16 reference, primitive; // NO_PRIMITIVE where there is none
+    uint16 zeros;                // bits of the weights of a settled hit that are surely zero
     int16 undecided_lanes;
     uint16 postponed; // how many
     uint postponed_references[16][MAX_POSTPONED];
@@ -68,17 +69,22 @@ typedef struct {
 void start_packet_exactly(const RayPacket* p, PacketHits_exactly* hits) {
     hits->t_limit = hits->t_high = hits->t_low = p->t_far;
     hits->reference = hits->primitive = (uint16)(NO_PRIMITIVE);
+    hits->zeros = (uint16)(0u);
     hits->postponed = (uint16)(0u);
     hits->undecided_lanes = (int16)(0);
 }
 
-// Puts a triangle aside for one lane. False if it is one too many, or nothing is deferred: then settle_lane_exactly()
-// could not decide about it.
-bool postpone_for_lane(uint* postponed, uint* listed, uint reference) {
-#ifdef DEFER_UNDECIDED
+// Puts a triangle aside for one lane. False if it is one too many.
+bool put_aside(uint* postponed, uint* listed, uint reference) {
     if (*postponed == MAX_POSTPONED) return false;
     listed[(*postponed)++] = reference;
     return true;
+}
+
+// The same; false, too, where nothing is deferred: then settle_lane_exactly() could not decide about it.
+bool postpone_for_lane(uint* postponed, uint* listed, uint reference) {
+#ifdef DEFER_UNDECIDED
+    return put_aside(postponed, listed, reference);
 #else
     return false;
 #endif
@@ -109,7 +115,8 @@ void settle_lane_exactly(GEOMETRY_PARAMETERS, const Ray* ray, uint lane, const b
     const uint count = ((const uint*)&hits->postponed)[lane];
     Hit hit = {lane_of16(&hits->t_high, lane), lane_of16(&hits->t_low, lane), 0.0f, *primitive};
     for (uint i = 0; i < count; i++) (void)postpone(geometry, LOAD_REFERENCE(geometry, listed[i]));
-    const bool is_other = settle_exactly(GEOMETRY, ray, any_hit, &hit);
+    uint zeros;
+    const bool is_other = settle_postponed(GEOMETRY, ray, any_hit, &hit, &zeros);
     if (FORGET_DEFERRED(geometry)) {
         ((int*)&hits->undecided_lanes)[lane] = -1;
         return;
@@ -119,13 +126,14 @@ void settle_lane_exactly(GEOMETRY_PARAMETERS, const Ray* ray, uint lane, const b
         if (LOAD_REFERENCE(geometry, listed[i]) == hit.primitive)
             ((uint*)&hits->reference)[lane] = listed[i];
     *primitive = hit.primitive;
+    ((uint*)&hits->zeros)[lane] = zeros;
     set_lane16(&hits->t_high, lane, hit.t);
     set_lane16(&hits->t_low, lane, hit.u);
 }
 
 // The lanes of `lanes` that may hit a triangle of that decision within their limits.
-int16 open_lanes(const RayPacket* p, const Decision16* d, int16 lanes, const PacketHits_exactly* hits) {
-    return lanes && d->possible && !(d->has_t && (d->t_high < p->t_near || d->t_low > hits->t_limit));
+int16 open_lanes(const RayPacket* p, const Decision16* d, int16 lanes, float16 t_limit) {
+    return lanes && d->possible && !(d->has_t && (d->t_high < p->t_near || d->t_low > t_limit));
 }
 
 // Takes a triangle as the hit of those of `open` that surely hit it, and before theirs. Returns the others.
@@ -173,17 +181,15 @@ RARE void test_closely(GEOMETRY_PARAMETERS, const RayPacket* p, const LeafTriang
 #ifdef EXTENDED_IS_DOUBLE
     if (!p->has_low) {
         const Decision16 d = decide_closely16(GEOMETRY, p, l, reference);
-        open = open_lanes(p, &d, open, hits);
+        open = open_lanes(p, &d, open, hits->t_limit);
         open = take_sure_hits(p, &d, open, reference, LOAD_REFERENCE(geometry, reference), any_hit, hits);
     }
 #endif
     postpone_for_lanes(hits, reference, open);
 }
 
-// What the triangle of that reference, one of eight, makes of the hits. What float32 does not decide is put aside.
-// Whether anything was open.
-bool test_with_packet_exactly(GEOMETRY_PARAMETERS, const RayPacket* p, const LeafTriangles_exactly* l, uint reference,
-                              const bool any_hit, PacketHits_exactly* hits) {
+// What float32 tells of a packet and the triangle of that reference, one of eight.
+INLINE Decision16 decide_triangle(const RayPacket* p, const LeafTriangles_exactly* l, uint reference) {
 #define OF_TRIANGLE(member) ((float16)(lane_of8(&l->member, reference % 8u)))
     float16 a[3];
     DecideTriangle16 triangle;
@@ -198,14 +204,20 @@ bool test_with_packet_exactly(GEOMETRY_PARAMETERS, const RayPacket* p, const Lea
     triangle.det_bound = OF_TRIANGLE(rest.det_bound);
     triangle.t_bound = OF_TRIANGLE(rest.t_bound);
 #undef OF_TRIANGLE
-    const Decision16 d = decide16(a, p->direction, &triangle);
+    return decide16(a, p->direction, &triangle);
+}
+
+// What the triangle of that reference, one of eight, makes of the hits. What float32 does not decide is put aside.
+// Whether anything was open.
+bool test_with_packet_exactly(GEOMETRY_PARAMETERS, const RayPacket* p, const LeafTriangles_exactly* l, uint reference,
+                              const bool any_hit, PacketHits_exactly* hits) {
+    const Decision16 d = decide_triangle(p, l, reference);
     if (!is_any16(d.possible)) return false;
     const uint primitive = LOAD_REFERENCE(geometry, reference);
     // The hit so far may be met again in another leaf.
-    const int16 open =
-        open_lanes(p, &d, p->skip != primitive && hits->primitive != primitive && hits->t_limit >= p->t_near, hits);
-    const int16 others = take_sure_hits(p, &d, open, reference, primitive, any_hit, hits);
-    if (is_any16(others))
-        test_closely(GEOMETRY, p, l, reference, any_hit, others, hits);
+    const int16 others = p->skip != primitive && hits->primitive != primitive && hits->t_limit >= p->t_near;
+    const int16 open = open_lanes(p, &d, others, hits->t_limit);
+    const int16 left = take_sure_hits(p, &d, open, reference, primitive, any_hit, hits);
+    if (is_any16(left)) test_closely(GEOMETRY, p, l, reference, any_hit, left, hits);
     return is_any16(open);
 }

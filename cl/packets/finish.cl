@@ -62,9 +62,10 @@ typedef struct {
     int8 is_sure;
 } Finished8;
 
-// Of eight rays and their triangles, corner by corner. `low`: second parts of origins, 0 where there are none.
-Finished8 finish_eight(const float8* o, const float8* low, const float8* d, const float8* c, const bool wants_t,
-                       const FinishBounds8 bounds) {
+// Of eight rays and their triangles, corner by corner. `low`: second parts of origins, 0 where there are none. `zeros`:
+// bits of the weights that are zero.
+Finished8 finish_eight(const float8* o, const float8* low, const float8* d, const float8* c, const uint8 zeros,
+                       const bool wants_t, const FinishBounds8 bounds) {
     const Doubles3 edge1 = difference_of_doubles(c[3], c[4], c[5], c[0], c[1], c[2]);
     const Doubles3 edge2 = difference_of_doubles(c[6], c[7], c[8], c[0], c[1], c[2]);
     Doubles3 from = difference_of_doubles(c[0], c[1], c[2], o[0], o[1], o[2]);
@@ -82,8 +83,11 @@ Finished8 finish_eight(const float8* o, const float8* low, const float8* d, cons
     Finished8 f;
     int8 is_sure =
         bounds.det > LEAST_MAGNITUDE * EXTENDED_EPSILON && bounds.det <= FLT_MAX && det_error < MOST_DET_ERROR;
-    is_sure = is_sure && round_surely8(weight1, bounds.u, inverse, det_error, &f.u);
-    is_sure = is_sure && round_surely8(weight2, bounds.v, inverse, det_error, &f.v);
+    const int8 is_u_zero = (zeros & 2u) != 0u, is_v_zero = (zeros & 4u) != 0u;
+    is_sure = is_sure && (round_surely8(weight1, bounds.u, inverse, det_error, &f.u) || is_u_zero);
+    is_sure = is_sure && (round_surely8(weight2, bounds.v, inverse, det_error, &f.v) || is_v_zero);
+    f.u = is_u_zero ? (float8)(0.0f) : f.u;
+    f.v = is_v_zero ? (float8)(0.0f) : f.v;
     if (wants_t) {
         f.is_sure =
             is_sure && round_surely8(dot_doubles(&normal, &from), bounds.third, inverse, det_error, &f.third);
@@ -99,9 +103,9 @@ Finished8 finish_eight(const float8* o, const float8* low, const float8* d, cons
 }
 
 // Writes t, or the weight of vertex 0, u and v of all sixteen lanes. `corners`: nine coordinates of their triangles.
-// Returns where they are certain.
-int16 finish_sixteen(const RayPacket* p, const float16* corners, const bool wants_t, float16* third, float16* u,
-                     float16* v) {
+// `zeros`: bits of the weights that are zero. Returns where they are certain.
+int16 finish_sixteen(const RayPacket* p, const float16* corners, const uint16 zeros, const bool wants_t,
+                     float16* third, float16* u, float16* v) {
     const FinishBounds bounds = finish_bounds(p, corners, wants_t);
     Finished8 found[2];
 #define HALF(vector) (part == 0u ? (vector).lo : (vector).hi)
@@ -117,7 +121,7 @@ int16 finish_sixteen(const RayPacket* p, const float16* corners, const bool want
 #pragma unroll
         for (uint i = 0; i < 9u; i++) c[i] = HALF(corners[i]);
         const FinishBounds8 of_part = {HALF(bounds.det), HALF(bounds.third), HALF(bounds.u), HALF(bounds.v)};
-        found[part] = finish_eight(o, p->has_low ? low : 0, d, c, wants_t, of_part);
+        found[part] = finish_eight(o, p->has_low ? low : 0, d, c, HALF(zeros), wants_t, of_part);
     }
 #undef HALF
     *third = (float16)(found[0].third, found[1].third);
@@ -126,9 +130,9 @@ int16 finish_sixteen(const RayPacket* p, const float16* corners, const bool want
     return (int16)(found[0].is_sure, found[1].is_sure);
 }
 #else
-// Pairs of floats are better off without vectors.
-int16 finish_sixteen(const RayPacket* p, const float16* corners, const bool wants_t, float16* third, float16* u,
-                     float16* v) {
+// Pairs of floats are better off without vectors, and no weight is known to be zero (exact_closer.cl).
+int16 finish_sixteen(const RayPacket* p, const float16* corners, const uint16 zeros, const bool wants_t,
+                     float16* third, float16* u, float16* v) {
     int16 sure = (int16)(0);
     for (uint lane = 0; lane < 16u; lane++) {
         ExtendedNumbers n;
@@ -185,7 +189,7 @@ int16 finish_packet_exactly(GEOMETRY_PARAMETERS, const RayPacket* p, const Packe
         open &= ~lanes_where16(here);
     }
     float16 t = out->t, u = out->u, v = out->v;
-    const int16 sure = finish_sixteen(p, corners, true, &t, &u, &v);
+    const int16 sure = finish_sixteen(p, corners, hits->zeros, true, &t, &u, &v);
     out->t = is_hit ? t : out->t;
     out->u = is_hit ? u : out->u;
     out->v = is_hit ? v : out->v;
@@ -221,7 +225,7 @@ void hit_of_answer_exactly(const PacketAnswer_exactly* answer, uint lane, Hit* h
 int16 weights_of_answer_exactly(const PacketAnswer_exactly* answer, const RayPacket* p, const float16* corners,
                                 float16* weight0, float16* u, float16* v) {
     *weight0 = *u = *v = (float16)(0.0f); // some lanes may get none
-    return finish_sixteen(p, corners, false, weight0, u, v);
+    return finish_sixteen(p, corners, (uint16)(0u), false, weight0, u, v);
 }
 
 float leaving_t_exactly(float error, float3 direction) { return 0.0f; }

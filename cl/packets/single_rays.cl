@@ -49,9 +49,9 @@ void put_back_exactly(const SingleRay_exactly* ray, uint lane, const bool any_hi
     hits->primitive = here ? (uint16)(ray->primitive) : hits->primitive;
 }
 
-// The lanes of triangles that a ray may hit within its limits.
-ulong open_lanes8(const SingleRay_exactly* ray, const Decision8* d) {
-    return lanes_where8(d->possible && !(d->has_t && (d->t_high < ray->t_near || d->t_low > ray->t_limit)));
+// The lanes of triangles that a ray may hit within these limits.
+ulong open_lanes8(const Decision8* d, float t_near, float t_limit) {
+    return lanes_where8(d->possible && !(d->has_t && (d->t_high < t_near || d->t_low > t_limit)));
 }
 
 #ifdef EXTENDED_IS_DOUBLE
@@ -67,32 +67,43 @@ RARE Decision8 decide_single_ray_closely(GEOMETRY_PARAMETERS, float3 origin, flo
 }
 #endif
 
-// Tests a packet of triangles, those of the references from `first` on. What float32 does not decide is put aside. True
-// when nothing more is to be done: too much is put aside, or with any_hit there is a hit.
-INLINE bool test_single_ray_exactly(GEOMETRY_PARAMETERS, SingleRay_exactly* ray, uint first, uint count,
-                                    const bool any_hit) {
+// What float32 tells of a ray and a packet of `count` triangles, those of the references from `first` on, and what
+// twice the precision does where that is not sure. Returns the lanes of triangles that the ray may hit within those
+// limits.
+INLINE ulong decide_packet_of_triangles(GEOMETRY_PARAMETERS, float3 origin, float3 low, float3 direction, float t_near,
+                                        float t_limit, uint first, uint count, Decision8* d) {
     LeafTriangles_exactly l;
     float8 b[3], c[3];
     load_corners(GEOMETRY, first / 8u, l.a, b, c);
-    const float3 low = ray->origin_low, direction = ray->direction;
     const float3 low_size = abs3(low), steepness = abs3(direction);
-    const float8 from_x = l.a[0] - ray->origin.x, from_y = l.a[1] - ray->origin.y, from_z = l.a[2] - ray->origin.z;
+    const float8 from_x = l.a[0] - origin.x, from_y = l.a[1] - origin.y, from_z = l.a[2] - origin.z;
     const float8 distance[3] = {fabs(from_x) + low_size.x, fabs(from_y) + low_size.y, fabs(from_z) + low_size.z};
     const float8 steepest[3] = {(float8)(steepness.x), (float8)(steepness.y), (float8)(steepness.z)};
     prepare_triangles(l.a, b, c, distance, steepest, &l.rest);
     const float8 a[3] = {from_x - low.x, from_y - low.y, from_z - low.z}; // as from_origin()
     const float8 along[3] = {(float8)(direction.x), (float8)(direction.y), (float8)(direction.z)};
-    Decision8 d = decide8(a, along, &l.rest);
-    ulong open = lanes_where8(d.possible) & FIRST_LANES8(count);
-    if (open == 0ul) return false;
-    open &= open_lanes8(ray, &d);
+    *d = decide8(a, along, &l.rest);
+    ulong open = lanes_where8(d->possible) & FIRST_LANES8(count);
+    if (open == 0ul) return 0ul;
+    open &= open_lanes8(d, t_near, t_limit);
 #ifdef EXTENDED_IS_DOUBLE
-    if ((open & ~lanes_where8(d.sure)) != 0ul && all(low == (float3)(0.0f))) {
-        d = decide_single_ray_closely(GEOMETRY, ray->origin, direction, first / 8u, l.rest.weight_bound,
-                                      l.rest.det_bound, l.rest.t_bound);
-        open &= open_lanes8(ray, &d);
+    if ((open & ~lanes_where8(d->sure)) != 0ul && all(low == (float3)(0.0f))) {
+        *d = decide_single_ray_closely(GEOMETRY, origin, direction, first / 8u, l.rest.weight_bound,
+                                       l.rest.det_bound, l.rest.t_bound);
+        open &= open_lanes8(d, t_near, t_limit);
     }
 #endif
+    return open;
+}
+
+// Tests a packet of triangles. What neither decides is put aside. True when nothing more is to be done: too much is put
+// aside, or with any_hit there is a hit.
+INLINE bool test_single_ray_exactly(GEOMETRY_PARAMETERS, SingleRay_exactly* ray, uint first, uint count,
+                                    const bool any_hit) {
+    Decision8 d;
+    ulong open = decide_packet_of_triangles(GEOMETRY, ray->origin, ray->origin_low, ray->direction, ray->t_near,
+                                            ray->t_limit, first, count, &d);
+    if (open == 0ul) return false;
     const ulong sure = lanes_where8(d.sure && d.t_low > ray->t_near);
     for (; open != 0ul; open = other_lanes8(open)) {
         const uint i = first_lane8(open);

@@ -2,6 +2,7 @@
 // ray. Those are chains of operations that wait for each other: of one ray after the other they take longer than its
 // traversal.
 
+#ifndef COUNT_HITS
 typedef struct {
     float16 weight0, u, v;
     float16 weights[3];                    // start_weights()
@@ -133,3 +134,4 @@ SurfaceHit hit_of_lane(const PacketSurfaces* s, uint lane, uint primitive) {
     const SurfaceHit hit = {lane_of16(&s->weight0, lane), lane_of16(&s->u, lane), lane_of16(&s->v, lane), primitive};
     return hit;
 }
+#endif

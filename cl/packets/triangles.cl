@@ -1,5 +1,5 @@
-// What packets need of the triangle test, which is of one of two kinds as in cl/traverse/leaf.cl; and the triangles of
-// a wide leaf (bvh8.cl), eight at a time.
+// What packets need of the triangle test, which is of one of two kinds as in cl/traverse/leaf.cl, or counts; and the
+// triangles of a wide leaf (bvh8.cl), eight at a time.
 //
 // PACKET_TEST names the test that the lanes do in place of the exact one, of those in rounded_tests.cl. Each kind has
 //     LeafTriangles     eight triangles, as far as the test wants them without the rays
@@ -9,18 +9,21 @@
 //     start_packet      no hit yet
 //     test_with_packet  what one triangle, by its reference, makes of the hits of sixteen rays; whether they have
 //                       changed
+//     SingleRay         a ray of a packet that goes on by itself: take_single_ray(), test_single_ray() against eight
+//                       triangles, put_back()
+// and, unless it counts,
 //     unsettled_lanes   the lanes that are not done when the traversal is
 //     settle_lane       completes one of them, by its ray
 //     finish_packet     the hits as batches want them; the lanes that take more than that
 //     finish_lane       the hit of one of these, whose ray that is; whether that did it
-//     SingleRay         a ray of a packet that goes on by itself: take_single_ray(), test_single_ray() against eight
-//                       triangles, put_back()
 //     PacketAnswer      the hits as pictures want them: keep_packet() and keep_hit() write them, hit_of_answer() and
 //                       weights_of_answer() read them
 //     leaving_t         up to which t a ray that leaves a surface hits nothing (leave_surface() in surface.cl)
-// `exactly`: exactly.cl, finish.cl, single_rays.cl. `rounded`: rounded.cl.
-#ifdef PACKET_TEST
+// `exactly`: exactly.cl, finish.cl, single_rays.cl. `rounded`: rounded.cl. `counted`: counted.cl.
+#if defined(PACKET_TEST)
 #define PACKET_HITS rounded
+#elif defined(COUNT_HITS)
+#define PACKET_HITS counted
 #else
 #define PACKET_HITS exactly
 #endif

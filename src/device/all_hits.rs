@@ -8,6 +8,7 @@ use super::rows::Rows;
 use super::scene::DeviceScene;
 use super::{Buffer, DeviceContext, Kernel};
 use crate::error::Result;
+use crate::ray_order::Sorted;
 use crate::shared::{Hit, TraceRay};
 use crate::tracer::{AllHits, AllHitsJob, Progress};
 use crate::work::RayWork;
@@ -31,23 +32,26 @@ pub(super) struct Lister<'a> {
 }
 
 impl Lister<'_> {
-    /// How many hits each ray has, the work that it took where that is counted, and seconds of device time.
+    /// How many hits each ray has, counted by `entry` in that order, if it is not the rays' own; the work that it took
+    /// where that is counted; and seconds of device time.
     pub fn count(
         &mut self,
         job: &AllHitsJob,
+        (entry, sorted): (Entry, Option<&Sorted>),
         work: &Option<Buffer<RayWork>>,
         progress: impl FnMut(usize),
     ) -> Result<(Vec<u32>, f64)> {
         let counts = Buffer::<u32>::empty(self.context, "numbers of hits", job.rays.len())?;
-        let rows = Rows::find(job.rays);
+        let rows = if sorted.is_some() { Rows::default() } else { Rows::find(job.rays) };
+        let sorted = sorted.map(|sorted| sorted.on(self.context)).transpose()?;
         let (scene, rays) = (self.scene, &self.rays);
         let set = |kernel: &mut Kernel| {
             let arguments = scene.geometry_arguments(kernel)?.set(rays)?.set(&counts)?.set_work(work)?;
-            arguments.set(rows.length)?.set(rows.in_bands)?.set(job.most).map(|_| ())
+            arguments.set_order(rows, sorted.as_ref())?.set(job.most).map(|_| ())
         };
         let shape = (0..job.rays.len(), self.work_group);
         let Lister { context, passes, plan, deferred, .. } = self;
-        let seconds = passes.run(context, Entry::CountHits, &set, plan, shape, deferred, progress)?;
+        let seconds = passes.run(context, entry, &set, plan, shape, deferred, progress)?;
         Ok((counts.read()?, seconds))
     }
 

@@ -30,6 +30,13 @@ impl Order {
     }
 }
 
+impl Sorted {
+    /// The order in a device's memory.
+    pub(super) fn on(&self, context: &DeviceContext) -> Result<Buffer<u32>> {
+        Buffer::from_slice(context, "order of rays", &self.order)
+    }
+}
+
 /// Rays of a batch, and where their hits are written.
 pub(super) struct DeviceBatch<'a> {
     rays: &'a Buffer<TraceRay>,
@@ -48,8 +55,8 @@ impl<'a> DeviceBatch<'a> {
         rows: impl FnOnce() -> Rows,
     ) -> Result<DeviceBatch<'a>> {
         let rows = if sorted.is_some() { Rows::default() } else { rows() };
-        let buffer = |sorted: &Sorted| Buffer::from_slice(context, "order of rays", &sorted.order);
-        Ok(DeviceBatch { rays, hits, deferred, rows, sorted: sorted.map(buffer).transpose()? })
+        let sorted = sorted.map(|sorted| sorted.on(context)).transpose()?;
+        Ok(DeviceBatch { rays, hits, deferred, rows, sorted })
     }
 
     /// Passes the batch to a kernel, after the scene's geometry.

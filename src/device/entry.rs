@@ -8,6 +8,8 @@ use crate::tracer::Task;
 pub(super) const TRACE_FILE: &str = "cl/kernels/trace.cl";
 /// What counts the hits of batches.
 pub(super) const COUNT_HITS_FILE: &str = "cl/kernels/count_hits.cl";
+/// What counts them in packets of rays.
+pub(super) const COUNT_HITS_PACKETS_FILE: &str = "cl/kernels/count_hits_packets.cl";
 /// What lists them.
 pub(super) const LIST_HITS_FILE: &str = "cl/kernels/list_hits.cl";
 /// What traces batches in packets of rays.
@@ -20,13 +22,14 @@ pub(super) const WAVEFRONT_FILE: &str = "cl/kernels/wavefront.cl";
 
 /// Whether the kernels of this file shade; the others trace batches.
 pub(super) fn is_shading(file: &str) -> bool {
-    ![TRACE_FILE, COUNT_HITS_FILE, LIST_HITS_FILE, TRACE_PACKETS_FILE].contains(&file)
+    ![TRACE_FILE, COUNT_HITS_FILE, COUNT_HITS_PACKETS_FILE, LIST_HITS_FILE, TRACE_PACKETS_FILE].contains(&file)
 }
 
 /// The files of the program that has the kernels of this one.
 pub(super) fn files_with(file: &'static str) -> Vec<&'static str> {
     match file {
         RENDER_FILE | RENDER_PACKETS_FILE => vec![file, ADD_SAMPLES_FILE],
+        COUNT_HITS_PACKETS_FILE => vec![COUNT_HITS_FILE, file],
         _ => vec![file],
     }
 }
@@ -40,6 +43,7 @@ pub(super) enum Entry {
     TraceAny,
     TraceNext,
     CountHits,
+    CountHitsPackets,
     ListHits,
     TraceClosestPackets,
     TraceAnyPackets,
@@ -47,13 +51,14 @@ pub(super) enum Entry {
 }
 
 impl Entry {
-    pub const ALL: [Entry; 10] = [
+    pub const ALL: [Entry; 11] = [
         Entry::Render,
         Entry::AddSamples,
         Entry::TraceClosest,
         Entry::TraceAny,
         Entry::TraceNext,
         Entry::CountHits,
+        Entry::CountHitsPackets,
         Entry::ListHits,
         Entry::TraceClosestPackets,
         Entry::TraceAnyPackets,
@@ -64,7 +69,7 @@ impl Entry {
     pub fn of_task(task: Task, options: &TraceOptions) -> Option<Entry> {
         match task {
             Task::Batch => Some(Entry::of_batch(false, options.packet_size)),
-            Task::AllHits => Some(Entry::CountHits),
+            Task::AllHits => Some(Entry::of_counts(options)),
             Task::Points => None,
             Task::Picture => Some(Entry::of_picture(options.packet_size)),
         }
@@ -77,6 +82,16 @@ impl Entry {
             (true, PacketSize::One) => Entry::TraceAny,
             (false, PacketSize::Sixteen) => Entry::TraceClosestPackets,
             (true, PacketSize::Sixteen) => Entry::TraceAnyPackets,
+        }
+    }
+
+    /// What counts the hits of a batch. Packets do so where each triangle is in one leaf, and what is hit does not
+    /// depend on which rays are traced together; they count no work.
+    pub fn of_counts(options: &TraceOptions) -> Entry {
+        let has_packets = options.packet_size == PacketSize::Sixteen && options.cl_traverse_packets().is_some();
+        match has_packets && options.is_exact() && !options.repeats_triangles() && !options.counters {
+            true => Entry::CountHitsPackets,
+            false => Entry::CountHits,
         }
     }
 
@@ -106,7 +121,7 @@ impl Entry {
     /// How many items a work-item has, or takes at a time.
     pub fn items_of_one(self) -> usize {
         match self {
-            Entry::TraceClosestPackets | Entry::TraceAnyPackets | Entry::RenderPackets => {
+            Entry::TraceClosestPackets | Entry::TraceAnyPackets | Entry::CountHitsPackets | Entry::RenderPackets => {
                 PACKETS_OF_ITEM as usize * PacketSize::Sixteen.rays()
             }
             Entry::TraceClosest
@@ -127,6 +142,7 @@ impl Entry {
             Entry::TraceAny => "trace_any",
             Entry::TraceNext => "trace_next",
             Entry::CountHits => "count_hits",
+            Entry::CountHitsPackets => "count_hits_packets",
             Entry::ListHits => "list_hits",
             Entry::TraceClosestPackets => "trace_closest_packets",
             Entry::TraceAnyPackets => "trace_any_packets",
@@ -143,6 +159,7 @@ impl Entry {
             Entry::TraceClosestPackets | Entry::TraceAnyPackets => TRACE_PACKETS_FILE,
             Entry::TraceClosest | Entry::TraceAny | Entry::TraceNext => TRACE_FILE,
             Entry::CountHits => COUNT_HITS_FILE,
+            Entry::CountHitsPackets => COUNT_HITS_PACKETS_FILE,
             Entry::ListHits => LIST_HITS_FILE,
         }
     }

@@ -82,6 +82,7 @@ pub const KERNEL_FILES: &[(&str, &str)] = kernel_files![
     "cl/packets/single_rays.cl",
     "cl/packets/rounded_tests.cl",
     "cl/packets/rounded.cl",
+    "cl/packets/counted.cl",
     "cl/packets/bvh8.cl",
     "cl/packets/group.cl",
     "cl/packets/kd.cl",
@@ -91,6 +92,7 @@ pub const KERNEL_FILES: &[(&str, &str)] = kernel_files![
     "cl/traverse/spheres.cl",
     "cl/traverse/query.cl",
     "cl/traverse/batch.cl",
+    "cl/packets/load.cl",
     "cl/shade/normal.cl",
     "cl/shade/surface.cl",
     "cl/packets/surfaces.cl",
@@ -111,6 +113,7 @@ pub const KERNEL_FILES: &[(&str, &str)] = kernel_files![
 const ENTRY_FILES: &[(&str, &str)] = kernel_files![
     "cl/kernels/trace.cl",
     "cl/kernels/count_hits.cl",
+    "cl/kernels/count_hits_packets.cl",
     "cl/kernels/list_hits.cl",
     "cl/kernels/trace_packets.cl",
     "cl/kernels/render.cl",

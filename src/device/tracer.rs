@@ -325,6 +325,9 @@ impl Backend for OpenClBackend {
     fn trace_all(&mut self, job: &AllHitsJob, progress: Progress) -> Result<AllHits> {
         self.prepare(Task::AllHits)?;
         let extreme = all_extreme(job, &self.buffers);
+        let entry = Entry::of_counts(&self.options);
+        let batch = TraceJob { rays: job.rays, next_directions: None, extreme: &[], any_hit: false, repeat: 1 };
+        let sorted = if entry == Entry::CountHitsPackets { self.order().of(&batch)? } else { None };
         let start = Instant::now();
         let rays = Buffer::from_slice(&self.context, "rays", job.rays)?;
         let work = self.work_buffer::<RayWork>(job.rays.len())?;
@@ -341,7 +344,7 @@ impl Backend for OpenClBackend {
         };
         let passes = if job.wants_hits { 2.0 } else { 1.0 };
         let mut done = 0;
-        let (mut counts, count_s) = lister.count(job, &work, |rays| {
+        let (mut counts, count_s) = lister.count(job, (entry, sorted.as_ref()), &work, |rays| {
             done += rays;
             progress(done as f64 / (passes * job.rays.len().max(1) as f64));
         })?;
@@ -349,6 +352,7 @@ impl Backend for OpenClBackend {
         let mut result = AllHits { upload_s, ..AllHits::of_counts(&counts, job.wants_hits, job.budget)? };
         let [list_s, read_s] = if job.wants_hits { lister.list(&mut result, progress)? } else { [0.0; 2] };
         result.kernel_s = [count_s, list_s];
+        result.sort_s = sorted.map(|sorted| sorted.sort_s);
         let start = Instant::now();
         result.work = work.map(|work| work.read()).transpose()?;
         result.read_s = read_s + start.elapsed().as_secs_f64();

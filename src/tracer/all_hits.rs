@@ -49,6 +49,8 @@ pub struct AllHits {
     pub work: Option<Vec<RayWork>>,
     /// Seconds of device time that counting took, and listing.
     pub kernel_s: [f64; 2],
+    /// Seconds that it took to sort the rays before their hits were counted; `None` where they were not.
+    pub sort_s: Option<f64>,
     /// Seconds that it took to send the rays.
     pub upload_s: f64,
     /// Seconds that it took to fetch counts and hits.

@@ -250,7 +250,7 @@ fn trace_all(
         work: found.work.take().map(|work| [work, Vec::new()]),
         kernel_s,
         second_pass: None,
-        sort_s: None,
+        sort_s: found.sort_s,
         extreme_s: found.extreme_s,
         upload_s: found.upload_s,
         read_s: found.read_s,

@@ -1,0 +1,108 @@
+// Hits that are counted in packets (`counted` in triangles.cl), in hierarchies where each triangle is in one leaf: each
+// lane meets it once, in any order, and whether it is hit depends on no other triangle. Float32 and double decide of
+// nearly all, as for exact hits (exactly.cl); the others wait until the traversal is done.
+
+typedef LeafTriangles_exactly LeafTriangles_counted;
+#define load_triangles_counted load_triangles_exactly
+
+// Rays of batches, which leave no triangle.
+typedef struct {
+    uint most;       // a lane that has counted so many is done: written before a traversal
+    float16 t_limit; // up to which t a lane looks for hits: nowhere where that is -infinity
+    uint16 count;
+    int16 undecided_lanes; // that have too many triangles put aside
+    uint16 postponed;      // how many are
+    uint postponed_references[16][MAX_POSTPONED];
+} PacketHits_counted;
+
+void start_packet_counted(const RayPacket* p, PacketHits_counted* hits) {
+    hits->t_limit = p->t_far;
+    hits->count = hits->postponed = (uint16)(0u);
+    hits->undecided_lanes = (int16)(0);
+}
+
+// Counts a triangle of that decision in those of `open` that surely hit it within their limits. Returns the others.
+int16 count_sure_hits(const RayPacket* p, const Decision16* d, int16 open, PacketHits_counted* hits) {
+    const int16 counted = open && d->sure && d->t_low > p->t_near && d->t_high < hits->t_limit;
+    hits->count += counted ? (uint16)(1u) : (uint16)(0u);
+    hits->t_limit = hits->count >= hits->most ? (float16)(-INFINITY) : hits->t_limit;
+    return open && !counted;
+}
+
+// As test_closely().
+RARE void count_closely(GEOMETRY_PARAMETERS, const RayPacket* p, const LeafTriangles_exactly* l, uint reference,
+                        int16 open, PacketHits_counted* hits) {
+#ifdef EXTENDED_IS_DOUBLE
+    if (!p->has_low) {
+        const Decision16 d = decide_closely16(GEOMETRY, p, l, reference);
+        open = count_sure_hits(p, &d, open_lanes(p, &d, open, hits->t_limit), hits);
+    }
+#endif
+    for (ulong lanes = lanes_where16(open); lanes != 0ul; lanes = other_lanes8(lanes)) {
+        const uint lane = first_lane16(lanes);
+        if (put_aside(&((uint*)&hits->postponed)[lane], hits->postponed_references[lane], reference)) continue;
+        set_lane16(&hits->t_limit, lane, -INFINITY);
+        ((int*)&hits->undecided_lanes)[lane] = -1;
+    }
+}
+
+bool test_with_packet_counted(GEOMETRY_PARAMETERS, const RayPacket* p, const LeafTriangles_exactly* l, uint reference,
+                              const bool any_hit, PacketHits_counted* hits) {
+    const Decision16 d = decide_triangle(p, l, reference);
+    if (!is_any16(d.possible)) return false;
+    const int16 open = open_lanes(p, &d, hits->t_limit >= p->t_near, hits->t_limit);
+    const int16 left = count_sure_hits(p, &d, open, hits);
+    if (is_any16(left)) count_closely(GEOMETRY, p, l, reference, left, hits);
+    return is_any16(open);
+}
+
+typedef struct {
+    Slabs slabs;
+    float3 origin, origin_low, direction;
+    float t_near, t_limit;
+    uint count, most;
+    uint postponed; // what it has put aside, as its packet keeps it
+    uint* postponed_references;
+    bool is_decided; // false if that is too much
+} SingleRay_counted;
+
+SingleRay_counted take_single_ray_counted(const RayPacket* p, uint lane, PacketHits_counted* hits) {
+    const SingleRay_counted ray = {
+        {three_of_lane(p->inv, lane), three_of_lane(p->enter, lane), three_of_lane(p->leave, lane)},
+        three_of_lane(p->origin, lane),
+        three_of_lane(p->origin_low, lane),
+        three_of_lane(p->direction, lane),
+        lane_of16(&p->t_near, lane),
+        lane_of16(&hits->t_limit, lane),
+        ((const uint*)&hits->count)[lane],
+        hits->most,
+        ((const uint*)&hits->postponed)[lane],
+        hits->postponed_references[lane],
+        true};
+    return ray;
+}
+
+void put_back_counted(const SingleRay_counted* ray, uint lane, const bool any_hit, PacketHits_counted* hits) {
+    const int16 here = (int16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15) == (int)lane;
+    ((uint*)&hits->postponed)[lane] = ray->postponed;
+    hits->count = here ? (uint16)(ray->count) : hits->count;
+    if (ray->is_decided && ray->count < ray->most) return;
+    hits->t_limit = here ? (float16)(-INFINITY) : hits->t_limit;
+    if (!ray->is_decided) hits->undecided_lanes = hits->undecided_lanes || here;
+}
+
+// True when nothing more is to be done.
+INLINE bool test_single_ray_counted(GEOMETRY_PARAMETERS, SingleRay_counted* ray, uint first, uint count,
+                                    const bool any_hit) {
+    Decision8 d;
+    const ulong open = decide_packet_of_triangles(GEOMETRY, ray->origin, ray->origin_low, ray->direction, ray->t_near,
+                                                  ray->t_limit, first, count, &d);
+    if (open == 0ul) return false;
+    const ulong sure = open & lanes_where8(d.sure && d.t_low > ray->t_near && d.t_high < ray->t_limit);
+    ray->count += count_lanes8(sure);
+    for (ulong left = open & ~sure; left != 0ul; left = other_lanes8(left)) {
+        ray->is_decided = put_aside(&ray->postponed, ray->postponed_references, first + first_lane8(left));
+        if (!ray->is_decided) return true;
+    }
+    return ray->count >= ray->most;
+}
