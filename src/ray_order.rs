@@ -58,35 +58,30 @@ pub(crate) struct Sorted {
     pub sort_s: f64,
 }
 
-/// The order in which the rays of `job` are traced, if it is not theirs: as `options` ask for it. With
-/// [`RayOrder::Auto`] shuffled batches are sorted where that `pays`
-/// ([`gains_by_sorted_rays`](TraceOptions::gains_by_sorted_rays)), makes neighbours of their rays, and a few of these,
-/// which `trial` traces and counts, go far enough.
+/// The order in which rays are traced, if it is not theirs: as it is asked for. With [`RayOrder::Auto`] shuffled batches
+/// are sorted where that `pays` ([`gains_by_sorted_rays`](TraceOptions::gains_by_sorted_rays)), makes neighbours of
+/// their rays, and these `go_far` enough.
 ///
 /// # Errors
-/// Those of `trial`.
+/// Those of `go_far`.
 pub(crate) fn sorted(
-    job: &TraceJob,
-    options: &TraceOptions,
+    rays: &[TraceRay],
+    asked: RayOrder,
     params: &SceneParams,
     pays: bool,
-    trial: impl FnOnce(&TraceJob, TraceOptions) -> Result<TraceResult>,
+    go_far: impl FnOnce() -> Result<bool>,
 ) -> Result<Option<Sorted>> {
     let start = Instant::now();
     let keys = RayKeys::new(params);
-    let is_sorted = match options.ray_order {
+    let is_sorted = match asked {
         RayOrder::Kept => false,
         RayOrder::Sorted => true,
-        RayOrder::Auto => {
-            pays && are_shuffled(job.rays)
-                && keys.make_neighbours(job.rays)
-                && mean_steps(job, options, trial)? >= FEWEST_STEPS
-        }
+        RayOrder::Auto => pays && are_shuffled(rays) && keys.make_neighbours(rays) && go_far()?,
     };
     // Kernels number rays in 32 bits.
-    let may_be_sorted = u32::try_from(job.rays.len()).is_ok();
+    let may_be_sorted = u32::try_from(rays.len()).is_ok();
     Ok((is_sorted && may_be_sorted).then(|| {
-        let order = keys.order(job.rays);
+        let order = keys.order(rays);
         Sorted { order, sort_s: start.elapsed().as_secs_f64() }
     }))
 }
@@ -117,17 +112,20 @@ pub(crate) fn trace_sorted(
     Ok(result)
 }
 
-/// Steps of the traversal that a ray takes on average, by a few rays of the job.
-fn mean_steps(
+/// Whether rays take so many steps of the traversal that sorting pays: a few of them, which `trace` traces and counts.
+///
+/// # Errors
+/// Those of `trace`.
+pub(crate) fn go_far(
     job: &TraceJob,
     options: &TraceOptions,
     trace: impl FnOnce(&TraceJob, TraceOptions) -> Result<TraceResult>,
-) -> Result<f64> {
+) -> Result<bool> {
     let rays = some_of(job.rays, TRIAL_RAYS);
     let options = TraceOptions { ray_order: RayOrder::Kept, counters: true, ..*options };
     let trial = TraceJob { extreme: &[], rays: &rays, next_directions: None, any_hit: job.any_hit, repeat: 1 };
     let work = trace(&trial, options)?.work;
-    Ok(WorkSum::new(rays.len() as u64, work.unwrap_or_default()).mean(WorkCounter::Steps))
+    Ok(WorkSum::new(rays.len() as u64, work.unwrap_or_default()).mean(WorkCounter::Steps) >= FEWEST_STEPS)
 }
 
 /// Up to `most` rays of a batch, evenly spread over it.

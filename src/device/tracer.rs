@@ -326,8 +326,7 @@ impl Backend for OpenClBackend {
         self.prepare(Task::AllHits)?;
         let extreme = all_extreme(job, &self.buffers);
         let entry = Entry::of_counts(&self.options);
-        let batch = TraceJob { rays: job.rays, next_directions: None, extreme: &[], any_hit: false, repeat: 1 };
-        let sorted = if entry == Entry::CountHitsPackets { self.order().of(&batch)? } else { None };
+        let sorted = if entry == Entry::CountHitsPackets { self.order().of_counts(job.rays)? } else { None };
         let start = Instant::now();
         let rays = Buffer::from_slice(&self.context, "rays", job.rays)?;
         let work = self.work_buffer::<RayWork>(job.rays.len())?;

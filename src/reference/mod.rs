@@ -20,7 +20,7 @@ use crate::layout::Float4;
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
 use crate::parallel;
-use crate::ray_order::{sorted, trace_sorted};
+use crate::ray_order::{go_far, sorted, trace_sorted};
 use crate::shared::{COUNTERS, CameraSample, Light, RenderParams, TextureRequest};
 use crate::tracer::{
     AllHits, AllHitsJob, Backend, Candidates, CandidatesJob, Progress, RenderResult, TraceJob, TraceResult,
@@ -121,7 +121,8 @@ impl Backend for ReferenceBackend {
         let pays = self.options.gains_by_sorted_rays(None);
         let trial = |job: &TraceJob, options| Self::new(self.buffers.clone(), options).trace_batch(job, &|_| ());
         let trace = |job: &TraceJob| self.trace_batch(job, progress);
-        let mut result = match sorted(job, &self.options, &self.buffers.params, pays, trial)? {
+        let go_far = || go_far(job, &self.options, trial);
+        let mut result = match sorted(job.rays, self.options.ray_order, &self.buffers.params, pays, go_far)? {
             Some(sorted) => trace_sorted(job, &sorted, trace)?,
             None => trace(job)?,
         };
