@@ -17,7 +17,7 @@ pub(crate) use points::check_memory as check_point_memory;
 pub use space::scale_of;
 pub use transforms::triangle_transform;
 
-use crate::accel::{BuildOptions, KeptBvh};
+use crate::accel::{BuildOptions, KeptBvh, SplitsChosen};
 use crate::budget::MemoryBudget;
 use crate::error::{Error, Result};
 use crate::features::Features;
@@ -81,6 +81,8 @@ pub struct SceneBuffers {
     pub stack_entries: u32,
     /// What the tree was built with.
     pub build_options: BuildOptions,
+    /// What [`SpatialSplits::Auto`](crate::options::SpatialSplits::Auto) has chosen, where it was asked for.
+    pub splits_chosen: Option<SplitsChosen>,
     /// The scene's materials that there are in `materials`, by their packed numbers.
     pub used_materials: Vec<MaterialId>,
     /// Seconds the structure took to build.
@@ -216,7 +218,7 @@ impl SceneBuffers {
         let traced_count = if is_flat { space.primitives.len() } else { scene.triangle_count() };
         let build_options = BuildOptions::of(options, traced_count);
         let input = StructureInput::new(options, &build_options, &space, &memory);
-        let PackedStructure { structure, stack_entries, objects } = input.pack(scene, &used, kept)?;
+        let PackedStructure { structure, stack_entries, objects, splits_chosen } = input.pack(scene, &used, kept)?;
         let build_s = start.elapsed().as_secs_f64();
 
         let PackedObjects { vertices, shading, reference_count } = objects.unwrap_or_else(|| PackedObjects {
@@ -254,6 +256,7 @@ impl SceneBuffers {
             features,
             stack_entries,
             build_options,
+            splits_chosen,
             used_materials: used,
             build_s,
             made_for,

@@ -8,6 +8,7 @@ use std::path::Path;
 
 use serde::Serialize;
 
+use crate::accel::SplitsChosen;
 use crate::choose::Decision;
 use crate::error::Result;
 use crate::io::aov::AovRange;
@@ -99,6 +100,9 @@ pub struct RunStats {
     /// What was chosen of these, and why.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub choices: Vec<Decision>,
+    /// What [`SpatialSplits::Auto`](crate::options::SpatialSplits::Auto) has chosen.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub spatial_splits: Option<SplitsChosen>,
     /// Triangles of the scene.
     pub triangle_count: u64,
     /// Render: pixels a row.

@@ -9,7 +9,7 @@
 //! Triangles that are much larger than their neighbours, or long and oblique, have boxes that overlap those of others.
 //! A kd-tree cuts them, and so does this build on request ([`spatial`]): up to a given number of parts, for which there
 //! is room from the start. A subtree gets its share of what is left, so that what one uses does not depend on others,
-//! nor on who builds them.
+//! nor on who builds them. Whether that pays, [`weigh`] finds out.
 //!
 //! What all relies on: each point of a triangle is in the box of a leaf that lists the triangle, and in all boxes above
 //! it.
@@ -23,17 +23,19 @@ mod refit;
 mod reinsert;
 mod spatial;
 mod sweep;
+mod weigh;
 
 use super::subtree::ascending;
 use super::{Aabb, BuildOptions};
 use crate::error::{Error, Result};
-use crate::options::{BvhOptions, KdOptions, StructureKind, TraceOptions};
+use crate::options::{BvhOptions, KdOptions, SpatialSplits, StructureKind, TraceOptions};
 use crate::parallel;
 use glam::Vec3;
 use items::{Extent, Item, PARALLEL_ITEMS, halve};
 use object::ObjectSplit;
 pub use refit::{KeptBvh, tree_of};
 use spatial::SpatialSplit;
+pub use weigh::SplitsChosen;
 
 /// A node of a [`Bvh`].
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -62,6 +64,9 @@ pub struct Bvh {
     pub nodes: Vec<BvhNode>,
     /// The triangles, a range for each leaf, ascending within a leaf.
     pub order: Vec<u32>,
+    /// The expected cost with splits of space by that without, by which [`SpatialSplits::Auto`] has chosen the tree;
+    /// `None` where there was nothing to choose.
+    pub splits_ratio: Option<f64>,
 }
 
 impl Bvh {
@@ -148,8 +153,8 @@ impl BuildOptions {
     /// triangles up to half.
     const REINSERT: u32 = 5;
 
-    /// The most parts that splits of space add per triangle unless something else is asked for.
-    const SPATIAL_SPLITS: f32 = 0.0;
+    /// The parts that splits of space may add unless something else is asked for.
+    const SPATIAL_SPLITS: SpatialSplits = SpatialSplits::NONE;
 
     /// What `bvh` asks for in a bounding volume hierarchy of that kind.
     pub fn bvh(bvh: &BvhOptions, kind: StructureKind) -> Self {
@@ -180,8 +185,16 @@ impl BuildOptions {
 pub fn build_bvh(vertices: &[[Vec3; 3]], primitives: &[u32], options: &BuildOptions) -> Result<Bvh> {
     let triangles = ascending(primitives);
     check_triangle_count(triangles.len(), MAX_TRIANGLES)?;
+    Ok(match options.spatial_splits {
+        SpatialSplits::Share(share) => grow(vertices, &triangles, share, options),
+        SpatialSplits::Auto => weigh::cheaper(|share| grow(vertices, &triangles, share, options), options),
+    })
+}
+
+/// The tree of `triangles`, ascending, where splits of space may add so many parts per triangle.
+fn grow(vertices: &[[Vec3; 3]], triangles: &[u32], share: f32, options: &BuildOptions) -> Bvh {
     let item = |&triangle: &u32| Item::new(&vertices[triangle as usize], triangle);
-    let mut items = parallel::map_slice(&triangles, item);
+    let mut items = parallel::map_slice(triangles, item);
     let mut nodes = Vec::new();
     if !items.is_empty() {
         let extent = Extent::of(&items);
@@ -193,7 +206,7 @@ pub fn build_bvh(vertices: &[[Vec3; 3]], primitives: &[u32], options: &BuildOpti
             least_overlap: LEAST_OVERLAP * extent.bounds.half_area(),
         };
         let count = items.len();
-        let room = (f64::from(options.spatial_splits) * count as f64) as usize;
+        let room = (f64::from(share) * count as f64) as usize;
         items.resize(count + room.min(MAX_TRIANGLES - count), items[0]);
         builder.build(List { slots: &mut items, count, first: 0, depth: 0, extent }, &mut nodes);
     }
@@ -209,9 +222,9 @@ pub fn build_bvh(vertices: &[[Vec3; 3]], primitives: &[u32], options: &BuildOpti
             node.first += index as u32;
         }
     }
-    let mut tree = Bvh { nodes, order };
+    let mut tree = Bvh { nodes, order, splits_ratio: None };
     tree.reinsert(options.reinsert);
-    Ok(tree)
+    tree
 }
 
 struct Builder<'a> {

@@ -8,8 +8,8 @@
 //!
 //! Bad at: scenes of few triangles, where they hardly matter.
 
-use super::{BuildOptions, grid};
-use crate::options::{PacketSize, Stop, StructureKind, TraceOptions, Traversal};
+use super::{BuildOptions, BvhNode, grid};
+use crate::options::{PacketSize, SpatialSplits, Stop, StructureKind, TraceOptions, Traversal};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Vertices as the builders and as the tracers take them, shading data, and two numbers: what every structure needs.
@@ -21,6 +21,9 @@ const TRANSFORM_BYTES: f64 = 48.0;
 /// What an instance takes: its record, and its place in the hierarchy of instances while that is built.
 const INSTANCE_BYTES: f64 = 600.0;
 
+/// What a finished hierarchy of boxes takes at worst while another one is built: two nodes and a number for a triangle.
+const OTHER_TREE_BYTES: f64 = (2 * size_of::<BvhNode>() + size_of::<u32>()) as f64;
+
 /// A further reference of a tree: its number, and at worst two nodes for it alone, in lists that grow by doubling.
 const REFERENCE_BYTES: u64 = 80;
 
@@ -31,6 +34,7 @@ const BOUND_REFERENCE_BYTES: u64 = 120;
 pub(crate) fn structure_bytes(options: &TraceOptions, triangle_count: usize, instance_count: usize) -> u64 {
     let build = BuildOptions::of(options, triangle_count);
     let leaf_size = f64::from(build.leaf_size.max(1));
+    let added_references = f64::from(build.spatial_splits.most());
     let of_structure = match options.kind() {
         StructureKind::Brute => TRIANGLE_BYTES,
         StructureKind::Boxes | StructureKind::Spheres => 170.0,
@@ -38,12 +42,14 @@ pub(crate) fn structure_bytes(options: &TraceOptions, triangle_count: usize, ins
         StructureKind::Octree => 220.0 + 700.0 / leaf_size,
         StructureKind::Grid => TRIANGLE_BYTES + grid::DEFAULT_BYTES,
         StructureKind::Bvh2 if leaf_size < 2.0 => 350.0,
-        StructureKind::Bvh2 => 270.0 + 110.0 * f64::from(build.spatial_splits.min(1.0)),
-        StructureKind::Bvh8 => (150.0 + 800.0 / leaf_size).max(300.0) + 40.0 * f64::from(build.spatial_splits),
+        StructureKind::Bvh2 => 270.0 + 110.0 * added_references.min(1.0),
+        StructureKind::Bvh8 => (150.0 + 800.0 / leaf_size).max(300.0) + 40.0 * added_references,
         StructureKind::Instances => 365.0,
     };
     let of_transforms = if options.intersector.needs_transforms() { TRANSFORM_BYTES } else { 0.0 };
-    ((of_structure + of_transforms) * triangle_count as f64 + INSTANCE_BYTES * instance_count as f64) as u64
+    let of_other_tree = if build.spatial_splits == SpatialSplits::Auto { OTHER_TREE_BYTES } else { 0.0 };
+    ((of_structure + of_transforms + of_other_tree) * triangle_count as f64 + INSTANCE_BYTES * instance_count as f64)
+        as u64
 }
 
 fn kd_bytes(options: &TraceOptions, build: &BuildOptions, leaf_size: f64) -> f64 {

@@ -27,7 +27,7 @@ mod subtree;
 mod validate;
 mod volumes;
 
-pub use bvh::{Bvh, BvhNode, KeptBvh, build_bvh, tree_of};
+pub use bvh::{Bvh, BvhNode, KeptBvh, SplitsChosen, build_bvh, tree_of};
 #[cfg(test)]
 pub(crate) use bvh2::{Middle, NOWHERE};
 pub use bvh2::{move_links, pack_bvh2};
@@ -50,7 +50,7 @@ pub(crate) use link::{instance_link, instance_of, leaf_link, leaf_range};
 pub(crate) use memory::{GrowthLimit, TRIANGLE_BYTES, structure_bytes};
 pub(crate) use octree::build_octree_within;
 
-use crate::options::{Build, KdOptions, PacketSize, SplitAxis, Stop, Structure, TraceOptions};
+use crate::options::{Build, KdOptions, PacketSize, SpatialSplits, SplitAxis, Stop, Structure, TraceOptions};
 use crate::shared::KdNode;
 use glam::Vec3;
 
@@ -114,8 +114,8 @@ pub struct BuildOptions {
     pub sample_size: u32,
     /// Passes of reinsertion over a hierarchy of boxes.
     pub reinsert: u32,
-    /// The most references that splits of space may add to a hierarchy of boxes, as a share of the triangles.
-    pub spatial_splits: f32,
+    /// How many references splits of space may add to a hierarchy of boxes.
+    pub spatial_splits: SpatialSplits,
 }
 
 impl BuildOptions {
@@ -162,7 +162,7 @@ impl BuildOptions {
             split_axis: kd.split_axis,
             sample_size: kd.sample_size.unwrap_or(KdOptions::SAMPLE_SIZE),
             reinsert: 0,
-            spatial_splits: 0.0,
+            spatial_splits: SpatialSplits::NONE,
         }
     }
 }

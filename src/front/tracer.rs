@@ -283,7 +283,7 @@ impl Tracer {
     /// the lower triangle number first. t is compared exactly, also where two hits have the same t once it is rounded.
     ///
     /// Takes two traversals, of which the first only counts; in structures whose leaves share triangles (kd-trees,
-    /// grids, octrees, and hierarchies with spatial splits) counting takes a traversal for each hit.
+    /// grids, octrees, and hierarchies that may have spatial splits) counting takes a traversal for each hit.
     ///
     /// # Errors
     /// As [`Tracer::closest_hits`]; [`Error::OutOfMemory`], too, when there are too many hits.

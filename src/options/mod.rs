@@ -9,6 +9,7 @@ mod combinations;
 mod grammar;
 mod kd;
 mod methods;
+mod spatial_splits;
 mod structures;
 mod table;
 
@@ -19,6 +20,7 @@ pub use methods::{
     Build, Decisions, Intersector, KernelFeatures, Kernels, Layout, Memory, NodeOrder, PacketSize, RayOrder, SplitAxis,
     Stop, StructureKind, Terminator, TextureFilter, TexturePass, Traversal, TriangleOrder,
 };
+pub use spatial_splits::SpatialSplits;
 pub use structures::{BvhOptions, ClusterOptions, GridOptions, OctreeOptions, Structure};
 pub use table::{Choice, Heading, MethodOption, OPTIONS, Value, choices};
 
@@ -176,12 +178,14 @@ impl TraceOptions {
         self.packet_size == PacketSize::One || self.is_exact()
     }
 
-    /// Whether a triangle may be in several leaves, so that a ray may meet it more than once.
+    /// Whether a triangle may be in several leaves, so that a ray may meet it more than once. Kernels are compiled for
+    /// the answer while the structure is built, so [`SpatialSplits::Auto`] is a yes, whatever the builder will choose:
+    /// the same hits, but counts and lists of all hits then take a traversal for each hit.
     pub fn repeats_triangles(&self) -> bool {
         match self.structure {
             Structure::Kd(_) | Structure::Grid(_) | Structure::Octree(_) => true,
             Structure::Bvh2(bvh) | Structure::Bvh8(bvh) | Structure::Instances(bvh) => {
-                bvh.spatial_splits.is_some_and(|share| share > 0.0)
+                bvh.spatial_splits.is_some_and(|splits| splits.most() > 0.0)
             }
             Structure::Brute | Structure::Boxes(_) | Structure::Spheres(_) => false,
         }

@@ -1,6 +1,6 @@
 //! The structures with the options that each of them reads, and no others.
 
-use super::{KdOptions, StructureKind, TraceOptions};
+use super::{KdOptions, SpatialSplits, StructureKind, TraceOptions};
 use crate::error::{Error, Result};
 use crate::shared::{BVH_COUNT_SHIFT, BVH_LEAF};
 
@@ -36,9 +36,8 @@ pub struct BvhOptions {
     /// Passes over the finished hierarchy, each of which moves large subtrees to where they fit better, or fewer when
     /// nothing is left to gain; `None`: 5.
     pub reinsert: Option<u32>,
-    /// The most references that splits of space may add, as a share of the triangles: each part of a triangle that is
-    /// cut has one. 0 (none) to [`BvhOptions::MAX_SPATIAL_SPLITS`]; `None`: 0.
-    pub spatial_splits: Option<f32>,
+    /// How many references splits of space may add; `None`: none.
+    pub spatial_splits: Option<SpatialSplits>,
     /// Cost of one traversal step, 0 or more; `None`: [`KdOptions::COST`].
     pub cost_traverse: Option<f32>,
     /// Cost of one triangle test, above 0; `None`: [`KdOptions::COST`], less where eight triangles are tested at once.
@@ -65,10 +64,7 @@ impl BvhOptions {
             let message = format!("{size}: a leaf of `structure = {kind}` has room for {most_in_leaf} at most");
             return Err(Error::option("leaf_size", message));
         }
-        if let Some(share) = self.spatial_splits.filter(|share| !(0.0..=Self::MAX_SPATIAL_SPLITS).contains(share)) {
-            let message = format!("{share} is not a number from 0 to {}", Self::MAX_SPATIAL_SPLITS);
-            return Err(Error::option("spatial_splits", message));
-        }
+        self.spatial_splits.map_or(Ok(()), SpatialSplits::validate)?;
         check_costs(self.cost_traverse, self.cost_intersect)
     }
 }

@@ -2,7 +2,8 @@
 
 use super::{
     Build, Decisions, Intersector, KdOptions, KernelFeatures, Kernels, Layout, Memory, NodeOrder, PacketSize, RayOrder,
-    SplitAxis, Stop, StructureKind, Terminator, TextureFilter, TexturePass, TraceOptions, Traversal, TriangleOrder,
+    SpatialSplits, SplitAxis, Stop, StructureKind, Terminator, TextureFilter, TexturePass, TraceOptions, Traversal,
+    TriangleOrder,
 };
 use crate::error::{Error, Result};
 use crate::names::{Names, plain};
@@ -52,6 +53,8 @@ pub enum Value {
     Count(u32),
     /// A number.
     Number(f32),
+    /// A number, or what leaves it to the builder.
+    Splits(SpatialSplits),
     /// Numbers of cells along x, y, z.
     Cells([u32; 3]),
 }
@@ -62,6 +65,7 @@ enum Field {
     Name { names: &'static Names, get: fn(&TraceOptions) -> Option<usize>, set: fn(&mut TraceOptions, usize) -> bool },
     Count(NumberField<u32>),
     Number(NumberField<f32>),
+    Splits(NumberField<SpatialSplits>),
     Cells(NumberField<[u32; 3]>),
 }
 
@@ -214,12 +218,13 @@ pub static OPTIONS: &[MethodOption] = &[
     ),
     number!(
         "spatial_splits",
-        Number,
+        Splits,
         Boxes,
         HIERARCHIES,
         |o| o.structure.bvh_mut().map(|bvh| &mut bvh.spatial_splits),
-        1.0,
-        "Cut long and large triangles, which makes up to so many more references per triangle, 0 to 4; 0: none.",
+        SpatialSplits::Share(1.0),
+        "Cut long and large triangles, which makes up to so many more references per triangle, 0 to 4; 0: none; auto: \
+         1 where the expected cost says that it pays, else 0; both are built, in three to five times the time.",
         "0"
     ),
     name!(SplitAxis, KdTree, &[Kd], |o| o.structure.kd_mut().map(|kd| &mut kd.split_axis)),
@@ -332,6 +337,7 @@ impl MethodOption {
             Field::Name { names, .. } => plain(names.doc),
             Field::Count(NumberField { about, .. })
             | Field::Number(NumberField { about, .. })
+            | Field::Splits(NumberField { about, .. })
             | Field::Cells(NumberField { about, .. }) => (*about).to_owned(),
         }
     }
@@ -346,6 +352,7 @@ impl MethodOption {
             },
             Field::Count(NumberField { default, .. })
             | Field::Number(NumberField { default, .. })
+            | Field::Splits(NumberField { default, .. })
             | Field::Cells(NumberField { default, .. }) => (*default).to_owned(),
         }
     }
@@ -356,6 +363,7 @@ impl MethodOption {
             Field::Name { .. } => "NAME",
             Field::Count(_) => "N",
             Field::Number(_) => "X",
+            Field::Splits(_) => "X|auto",
             Field::Cells(_) => "X,Y,Z",
         }
     }
@@ -375,6 +383,7 @@ impl MethodOption {
             Field::Name { names, .. } => (0..names.values.len()).map(Value::Name).collect(),
             Field::Count(field) => vec![Value::Count(field.example)],
             Field::Number(field) => vec![Value::Number(field.example)],
+            Field::Splits(field) => vec![Value::Splits(field.example)],
             Field::Cells(field) => vec![Value::Cells(field.example)],
         };
         values.into_iter().map(move |value| Choice { option: self, value })
@@ -394,6 +403,7 @@ impl MethodOption {
             })?,
             Field::Count(_) => Value::Count(text.parse().map_err(|_| wrong("a number of 0, 1, 2, ..."))?),
             Field::Number(_) => Value::Number(text.parse().map_err(|_| wrong("a number"))?),
+            Field::Splits(_) => Value::Splits(text.parse()?),
             Field::Cells(_) => {
                 let numbers: Option<Vec<u32>> = text.split(',').map(|n| n.trim().parse().ok()).collect();
                 let cells = numbers.and_then(|numbers| <[u32; 3]>::try_from(numbers).ok());
@@ -420,6 +430,7 @@ impl MethodOption {
             Field::Name { get, .. } => get(options).map(Value::Name),
             Field::Count(field) => field.get(options).flatten().map(Value::Count),
             Field::Number(field) => field.get(options).flatten().map(Value::Number),
+            Field::Splits(field) => field.get(options).flatten().map(Value::Splits),
             Field::Cells(field) => field.get(options).flatten().map(Value::Cells),
         }
     }
@@ -457,6 +468,7 @@ impl MethodOption {
             (Value::Name(_), None) => Ok(()),
             (Value::Count(count), _) => map.serialize_entry(key, &count),
             (Value::Number(number), _) => map.serialize_entry(key, &number),
+            (Value::Splits(splits), _) => map.serialize_entry(key, &splits),
             (Value::Cells(cells), _) => map.serialize_entry(key, &cells),
         }
     }
@@ -511,6 +523,7 @@ impl Choice {
                 (Field::Name { set, .. }, Value::Name(index)) => set(options, index),
                 (Field::Count(field), Value::Count(count)) => field.set(options, count),
                 (Field::Number(field), Value::Number(number)) => field.set(options, number),
+                (Field::Splits(field), Value::Splits(splits)) => field.set(options, splits),
                 (Field::Cells(field), Value::Cells(cells)) => field.set(options, cells),
                 _ => false,
             };
@@ -541,6 +554,7 @@ impl fmt::Display for Choice {
             Value::Name(_) => f.write_str(self.name().unwrap_or_default()),
             Value::Count(count) => write!(f, "{count}"),
             Value::Number(number) => write!(f, "{number}"),
+            Value::Splits(splits) => write!(f, "{splits}"),
             Value::Cells([x, y, z]) => write!(f, "{x},{y},{z}"),
         }
     }
@@ -601,10 +615,19 @@ mod tests {
             ("structure", "tree", "no 'tree'; possible: brute, kd"),
             ("leaf_size", "-1", "'-1' is not a number of 0"),
             ("empty_bonus", "much", "'much' is not a number"),
+            ("spatial_splits", "much", "'much' is not a number from 0 to 4, or `auto`"),
             ("grid_size", "1,2", "three numbers of cells"),
         ] {
             let message = MethodOption::find(option).unwrap().parse(text).unwrap_err().to_string();
             assert!(message.contains(option) && message.contains(words), "{message}");
+        }
+        let splits = MethodOption::find("spatial_splits").unwrap();
+        for (text, value) in [("auto", SpatialSplits::Auto), ("0.5", SpatialSplits::Share(0.5))] {
+            let choice = splits.parse(text).unwrap();
+            assert_eq!(
+                (choice.value(), choice.to_string()),
+                (Value::Splits(value), format!("spatial_splits = {text}"))
+            );
         }
         let old = MethodOption::find("kernels").unwrap().parse("split").unwrap();
         assert_eq!(old.name(), Some("wavefront"), "the name of an earlier version");

@@ -20,12 +20,13 @@
 
 use super::shading::{ShadingOf, pack_shading};
 use crate::accel::{
-    BuildOptions, Bvh, KeptBvh, MAX_TRIANGLES, StructureArrays, build_bvh, check_triangle_count, instance_link,
-    leaf_link, move_links, pack_bvh2, tree_of,
+    BuildOptions, Bvh, KeptBvh, MAX_TRIANGLES, SplitsChosen, StructureArrays, build_bvh, check_triangle_count,
+    instance_link, leaf_link, move_links, pack_bvh2, tree_of,
 };
 use crate::bounds::{EPSILON, LEAST_PADDING};
 use crate::error::{Error, Result};
 use crate::layout::Float4;
+use crate::options::SpatialSplits;
 use crate::parallel;
 use crate::scene::{DropReason, Instance, MaterialId, Scene, Transform, Triangle, turned};
 use crate::shared::{
@@ -44,6 +45,7 @@ pub(super) struct PackedInstances {
     pub shading: Vec<Shading>,
     pub instance_count: u32,
     pub stack_entries: u32,
+    pub splits_chosen: Option<SplitsChosen>,
 }
 
 /// Triangles that have their place in the arrays once.
@@ -200,7 +202,7 @@ pub(super) fn pack_instances(
         (0..).zip(&places).filter(|(_, place)| !meshes[place.mesh].listed.is_empty()).map(|(i, _)| i).collect();
     // A hierarchy of boxes is one of triangles that fill their boxes from corner to corner.
     let boxes = parallel::map_slice(&places, |place| box_of(place, &meshes[place.mesh], scale));
-    let one_a_leaf = BuildOptions { leaf_size: 1, spatial_splits: 0.0, ..*options };
+    let one_a_leaf = BuildOptions { leaf_size: 1, spatial_splits: SpatialSplits::NONE, ..*options };
     let top = build_bvh(&boxes, &hittable, &one_a_leaf)?;
 
     let mut structure = pack_bvh2(&top, 0, 0.0)?;
@@ -239,6 +241,7 @@ pub(super) fn pack_instances(
         shading: meshes.iter().flat_map(|mesh| mesh.shading.iter().copied()).collect(),
         instance_count: places.len() as u32,
         stack_entries,
+        splits_chosen: SplitsChosen::of(trees.iter().filter_map(|tree| tree.splits_ratio)),
     })
 }
 

@@ -113,7 +113,7 @@ mod tests {
     use crate::budget::BudgetOrigin;
     use crate::error::Error;
     use crate::options::Build;
-    use crate::options::{KdOptions, Structure};
+    use crate::options::{BvhOptions, KdOptions, SpatialSplits, Structure};
     use crate::scene::Builder;
     use glam::Vec3;
 
@@ -163,6 +163,24 @@ mod tests {
             assert!(what.contains(accel.name()) && what.contains("3968 triangles"), "{what}");
             assert!(needed_bytes >= SceneBuffers::estimated_bytes(&scene, &options));
             assert_eq!((budget.bytes(), budget.origin()), (1000, BudgetOrigin::Given));
+        }
+    }
+
+    /// Where splits of space are weighed, a finished tree is there while the one with them is built.
+    #[test]
+    fn two_trees_count_as_two() {
+        let scene = ball();
+        for kind in [StructureKind::Bvh2, StructureKind::Bvh8, StructureKind::Instances] {
+            let bytes = |splits: SpatialSplits| {
+                let bvh = BvhOptions { spatial_splits: Some(splits), ..BvhOptions::DEFAULT };
+                let structure = match kind {
+                    StructureKind::Bvh2 => Structure::Bvh2(bvh),
+                    StructureKind::Bvh8 => Structure::Bvh8(bvh),
+                    _ => Structure::Instances(bvh),
+                };
+                SceneBuffers::estimated_bytes(&scene, &TraceOptions { structure, ..TraceOptions::DEFAULT })
+            };
+            assert!(bytes(SpatialSplits::Auto) > bytes(SpatialSplits::AUTO_SHARE.into()), "{kind}");
         }
     }
 

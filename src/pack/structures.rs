@@ -5,9 +5,9 @@ use super::instances::{PackedInstances, pack_instances};
 use super::memory::StructureBudget;
 use super::space::TracingSpace;
 use crate::accel::{
-    BuildOptions, KeptBvh, Padding, StructureArrays, build_boxes, build_grid_within, build_kd_tree_within,
-    build_octree_within, build_spheres, link_leaves, near_reach, pack_bvh2, pack_bvh8, pack_kd_leaves, reorder,
-    tree_of,
+    BuildOptions, KeptBvh, Padding, SplitsChosen, StructureArrays, build_boxes, build_grid_within,
+    build_kd_tree_within, build_octree_within, build_spheres, link_leaves, near_reach, pack_bvh2, pack_bvh8,
+    pack_kd_leaves, reorder, tree_of,
 };
 use crate::bounds::{padding_of_boxes, padding_within};
 use crate::error::Result;
@@ -36,6 +36,8 @@ pub(super) struct PackedStructure {
     pub stack_entries: u32,
     /// What [`Structure::Instances`] has in place of the scene's own triangles.
     pub objects: Option<PackedObjects>,
+    /// What [`SpatialSplits::Auto`](crate::options::SpatialSplits::Auto) has chosen.
+    pub splits_chosen: Option<SplitsChosen>,
 }
 
 /// Objects, each of which is there once.
@@ -49,7 +51,7 @@ pub(super) struct PackedObjects {
 impl From<StructureArrays> for PackedStructure {
     /// One whose traversal has no stack.
     fn from(structure: StructureArrays) -> Self {
-        PackedStructure { structure, stack_entries: 1, objects: None }
+        PackedStructure { structure, stack_entries: 1, objects: None, splits_chosen: None }
     }
 }
 
@@ -108,10 +110,10 @@ impl<'a> StructureInput<'a> {
         used: &[MaterialId],
         kept: Option<&mut Vec<KeptBvh>>,
     ) -> Result<PackedStructure> {
-        let PackedInstances { structure, vertices, shading, instance_count, stack_entries } =
+        let PackedInstances { structure, vertices, shading, instance_count, stack_entries, splits_chosen } =
             pack_instances(scene, used, self.space.scale, self.build_options, kept)?;
         let objects = PackedObjects { vertices, shading, reference_count: instance_count };
-        Ok(PackedStructure { structure, stack_entries, objects: Some(objects) })
+        Ok(PackedStructure { structure, stack_entries, objects: Some(objects), splits_chosen })
     }
 
     /// One leaf, whose list is that of all triangles that can be hit.
@@ -137,7 +139,7 @@ impl<'a> StructureInput<'a> {
         };
         let stack_entries = if kd.traversal == Traversal::Stack { self.depth_limit() } else { 1 };
         let structure = StructureArrays { nodes: tree.nodes, references: tree.references, bounds };
-        Ok(PackedStructure { structure, stack_entries, objects: None })
+        Ok(PackedStructure { stack_entries, ..structure.into() })
     }
 
     /// The depth that no tree exceeds.
@@ -150,14 +152,18 @@ impl<'a> StructureInput<'a> {
         let stack_entries = tree.depth() + 1; // the last entry says that there are no more
         let padding = Padding { everywhere: self.padding, near_reach: self.near_reach };
         let structure = pack_bvh2(&tree, self.top_nodes() / BVH_NODE_RECORDS as usize, padding)?;
-        Ok(PackedStructure { structure, stack_entries, objects: None })
+        Ok(PackedStructure { stack_entries, splits_chosen: SplitsChosen::of(tree.splits_ratio), ..structure.into() })
     }
 
     fn pack_bvh8(&self, kept: Option<&mut KeptBvh>) -> Result<PackedStructure> {
         let tree = tree_of(kept, self.triangles(), self.primitives(), self.build_options)?;
         let padding = Padding { everywhere: 0.0, near_reach: self.near_reach };
         let packed = pack_bvh8(&tree, self.triangles(), padding)?;
-        Ok(PackedStructure { structure: packed.structure, stack_entries: packed.stack_entries, objects: None })
+        Ok(PackedStructure {
+            stack_entries: packed.stack_entries,
+            splits_chosen: SplitsChosen::of(tree.splits_ratio),
+            ..packed.structure.into()
+        })
     }
 
     fn pack_grid(&self, grid: &GridOptions) -> Result<StructureArrays> {
@@ -177,7 +183,7 @@ impl<'a> StructureInput<'a> {
             &limit,
         );
         self.memory.check_growth(&limit)?;
-        Ok(PackedStructure { structure, stack_entries: self.depth_limit(), objects: None })
+        Ok(PackedStructure { stack_entries: self.depth_limit(), ..structure.into() })
     }
 }
 

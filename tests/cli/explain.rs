@@ -1,7 +1,7 @@
 //! `--explain`: every choice with its reason, on standard error and in `--stats`.
 
 use super::{folder, raybrook, stderr, write_npz};
-use serde_json::Value;
+use serde_json::{Value, json};
 use std::path::Path;
 
 /// What every run with a structure of boxes explains, beside the work-group size, which the reference does not have.
@@ -70,7 +70,8 @@ fn every_choice_is_told_with_its_reason() {
 
     let given =
         ["--structure", "bvh8", "--packet-size", "1", "--precision", "exact", "--leaf-size", "3", "--reinsert", "2"];
-    let (lines, choices) = explained(at, &[&render[..], &given, &["--cost-intersect", "2"]].concat());
+    let numbers = ["--cost-intersect", "2", "--spatial-splits", "auto"];
+    let (lines, choices) = explained(at, &[&render[..], &given, &numbers].concat());
     assert_same(&lines, &choices);
     for (line, expected) in lines.iter().zip([
         "--structure bvh8: given on the command line",
@@ -80,10 +81,15 @@ fn every_choice_is_told_with_its_reason() {
         "--cost-traverse 1: model: ",
         "--cost-intersect 2: given on the command line",
         "--reinsert 2: given on the command line",
-        "--spatial-splits 0: model: ",
+        "--spatial-splits auto: given on the command line",
     ]) {
         assert!(line.starts_with(expected), "{line}");
     }
+
+    // What came of it is known once the structure is built: a triangle alone is not cut.
+    let stats: Value = serde_json::from_slice(&std::fs::read(at.join("stats.json")).unwrap()).unwrap();
+    assert_eq!(stats["options"]["spatial_splits"], "auto");
+    assert_eq!(stats["spatial_splits"], json!({"hierarchies": 1, "with_splits": 0, "cost_ratios": [1.0, 1.0]}));
 
     write_npz(&at.join("rays.npz"), &[("origin", 3, &[0.25, 0.25, 1.0]), ("direction", 3, &[0.0, 0.0, -1.0])]);
     let (lines, choices) =
@@ -107,7 +113,11 @@ fn without_the_option_nothing_is_told_and_info_tells_of_the_build() {
         said.starts_with("--structure kd: model: ") && said.contains("--leaf-size 2: given on the command line"),
         "{said}"
     );
-    assert!(serde_json::from_slice::<Value>(&output.stdout).is_ok());
+    let info: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(info.get("spatial_splits"), None);
+    let output = raybrook(folder.path(), &["info", "one.obj", "--structure", "bvh2", "--spatial-splits", "auto"]);
+    let told = String::from_utf8_lossy(&output.stdout);
+    assert!(told.lines().any(|line| line.split_whitespace().eq("spatial splits with splits 0".split(' '))), "{told}");
 }
 
 #[test]

@@ -155,7 +155,7 @@ fn they_are_those_of_exact_arithmetic_in_every_structure() {
 }
 
 /// What kernels have of their own: structures, records of packets, memory, layouts, and rounded tests.
-const ON_DEVICES: [&str; 8] = [
+const ON_DEVICES: [&str; 9] = [
     "structure=bvh8 packet_size=16",
     "structure=bvh2 spatial_splits=1",
     "structure=bvh2",
@@ -164,6 +164,7 @@ const ON_DEVICES: [&str; 8] = [
     "structure=bvh2 intersector=watertight",
     "structure=kd packet_size=16 intersector=moller-trumbore",
     "structure=bvh8 intersector=precomputed",
+    "structure=bvh8 spatial_splits=auto",
 ];
 
 #[test]

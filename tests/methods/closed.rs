@@ -4,7 +4,7 @@
 use crate::common::{SEED, device, shared};
 use glam::Vec3;
 use raybrook::low_level::options::{
-    Build, BvhOptions, Intersector, KdOptions, Structure, StructureKind, TraceOptions, Traversal,
+    Build, BvhOptions, Intersector, KdOptions, SpatialSplits, Structure, StructureKind, TraceOptions, Traversal,
 };
 use raybrook::low_level::reference::shade::normal::triangle_normal;
 use raybrook::low_level::scene::{Builder, Material, load};
@@ -65,8 +65,10 @@ pub fn structures() -> Vec<TraceOptions> {
     let traversals = traversals
         .map(|&traversal| TraceOptions { structure: Structure::Kd(KdOptions { traversal, ..EXACT.kd() }), ..EXACT });
     // Triangles in several leaves.
-    let split = BvhOptions { spatial_splits: Some(1.0), ..BvhOptions::DEFAULT };
-    let split = [Structure::Bvh2(split), Structure::Bvh8(split)].map(|structure| TraceOptions { structure, ..EXACT });
+    let split = |splits| BvhOptions { spatial_splits: Some(splits), ..BvhOptions::DEFAULT };
+    let [always, auto] = [SpatialSplits::Share(1.0), SpatialSplits::Auto].map(split);
+    let split = [Structure::Bvh2(always), Structure::Bvh8(always), Structure::Bvh2(auto)];
+    let split = split.map(|structure| TraceOptions { structure, ..EXACT });
     accels.chain(builds).chain(traversals).chain(split).collect()
 }
 

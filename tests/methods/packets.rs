@@ -167,7 +167,11 @@ fn packets_meet_the_parts_of_a_triangle() {
     let long = soup(200, 2.0, &mut random).into_iter().map(|[a, b, c]| [a, b, b + (c - b) * 0.02]);
     let triangles: Vec<_> = long.chain(soup(200, 0.05, &mut random)).chain(soup(5, 2.0, &mut random)).collect();
     let options = TraceOptions {
-        structure: Structure::Bvh8(BvhOptions { spatial_splits: Some(4.0), leaf_size: Some(2), ..BvhOptions::DEFAULT }),
+        structure: Structure::Bvh8(BvhOptions {
+            spatial_splits: Some(4.0.into()),
+            leaf_size: Some(2),
+            ..BvhOptions::DEFAULT
+        }),
         ..PACKETS
     };
     let buffers = SceneBuffers::new(&scene_of(&triangles), &options).unwrap();

@@ -133,7 +133,7 @@ fn assert_answers(
 
 /// Structures as they are built for packets, with parts of triangles in several leaves, and deep.
 fn structures(intersector: Intersector) -> [TraceOptions; 4] {
-    let split = BvhOptions { spatial_splits: Some(4.0), leaf_size: Some(2), ..BvhOptions::DEFAULT };
+    let split = BvhOptions { spatial_splits: Some(4.0.into()), leaf_size: Some(2), ..BvhOptions::DEFAULT };
     let deep = KdOptions { cost_traverse: Some(0.0), ..KD.kd() };
     [
         PACKETS,

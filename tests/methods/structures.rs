@@ -111,6 +111,7 @@ fn all_options() -> Vec<TraceOptions> {
         "bvh2 leaf_size=1 reinsert=100",
         "bvh8 leaf_size=1 reinsert=100",
         "instances leaf_size=1",
+        "instances spatial_splits=auto",
         "octree max_depth=0",
         "octree leaf_size=1 max_depth=60",
     ];
@@ -119,8 +120,8 @@ fn all_options() -> Vec<TraceOptions> {
 }
 
 /// Hierarchies of boxes with splits of space.
-fn cut(kind: StructureKind) -> [TraceOptions; 2] {
-    ["spatial_splits=0.5", "leaf_size=1 reinsert=100 spatial_splits=4"]
+fn cut(kind: StructureKind) -> [TraceOptions; 3] {
+    ["spatial_splits=0.5", "leaf_size=1 reinsert=100 spatial_splits=4", "spatial_splits=auto"]
         .map(|numbers| asked(&format!("structure={kind} {numbers}")))
 }
 
@@ -421,10 +422,12 @@ fn options_without_a_meaning_are_refused() {
         ("kd reinsert=1", "reinsert", "`structure = bvh2` or `structure = bvh8`"),
         ("boxes reinsert=0", "reinsert", "means nothing to `structure = boxes`"),
         ("kd spatial_splits=1", "spatial_splits", "`structure = bvh2` or `structure = bvh8`"),
-        ("bvh2 spatial_splits=4.5", "spatial_splits", "4.5 is not a number from 0 to 4"),
+        ("bvh2 spatial_splits=4.5", "spatial_splits", "4.5 is not a number from 0 to 4, or `auto`"),
         ("bvh8 spatial_splits=-0.5", "spatial_splits", "from 0 to 4"),
         ("bvh8 spatial_splits=nan", "spatial_splits", "NaN is not"),
         ("bvh8 spatial_splits=inf", "spatial_splits", "from 0 to 4"),
+        ("bvh2 spatial_splits=Auto", "spatial_splits", "'Auto' is not a number from 0 to 4, or `auto`"),
+        ("octree spatial_splits=auto", "spatial_splits", "`structure = bvh2` or `structure = bvh8`"),
         ("kd grid_size=4,4,4", "grid_size", "`structure = grid`"),
         ("grid grid_size=4,0,4", "grid_size", "1,1,1"),
         ("grid grid_size=4294967295,2,1", "grid_size", "16777216"),

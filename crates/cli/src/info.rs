@@ -3,7 +3,7 @@
 use super::explain::ExplainArgs;
 use super::{MethodArgs, SceneArgs, Talk, flags, open, print};
 use raybrook::Result;
-use raybrook::low_level::accel::{KdTree, StructureStats, TreeStats};
+use raybrook::low_level::accel::{KdTree, SplitsChosen, StructureStats, TreeStats};
 use raybrook::low_level::choose::{Decision, Source, numbers_in_effect};
 use raybrook::low_level::options::{StructureKind, TraceOptions};
 use raybrook::low_level::pack::SceneBuffers;
@@ -52,6 +52,8 @@ struct SceneInfo {
     #[serde(skip_serializing_if = "Option::is_none")]
     structure: Option<StructureStats>,
     #[serde(skip_serializing_if = "Option::is_none")]
+    spatial_splits: Option<SplitsChosen>,
+    #[serde(skip_serializing_if = "Option::is_none")]
     cross_check: Option<CrossCheck>,
 }
 
@@ -93,6 +95,7 @@ pub fn run(args: &InfoArgs, talk: Talk) -> Result<()> {
         load_s: loaded.load_s,
         build_s: buffers.build_s,
         device_bytes: buffers.size_bytes(&options),
+        spatial_splits: buffers.splits_chosen,
         structure: (!matches!(options.kind(), StructureKind::Kd | StructureKind::Brute)).then(|| {
             let triangle_count = scene.triangle_count() - reasons.len();
             StructureStats::new(options.kind(), &buffers.nodes, &buffers.references, &buffers.bounds, triangle_count)

@@ -256,6 +256,7 @@ pub fn open(
         device_kind: device.map_or("reference", |d| d.info.kind.name()).to_owned(),
         options,
         choices: decisions,
+        spatial_splits: buffers.splits_chosen,
         load_s: Some(loaded.load_s),
         build_s: Some(buffers.build_s),
         compile_s: Some(tracer.compile_s()),

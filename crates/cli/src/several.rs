@@ -94,6 +94,7 @@ impl<'a> Built<'a> {
             lost,
             options: self.chosen[0].options,
             choices: self.chosen[0].decisions.clone(),
+            spatial_splits: self.first().splits_chosen,
             load_s: Some(self.loaded.load_s),
             build_s: Some(self.structures.iter().map(|(_, buffers)| buffers.build_s).sum()),
             triangle_count: self.loaded.scene.triangle_count() as u64,

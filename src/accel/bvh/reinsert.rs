@@ -339,7 +339,7 @@ mod tests {
             nodes.push(node(i as f32, end + 1.0, index + 2 * (count - i), 0));
         }
         nodes.extend((1..=count).rev().map(|i| node(i as f32, i as f32 + 1.0, i + 1, 1)));
-        Bvh { nodes, order: (0..count + 2).collect() }
+        Bvh { nodes, order: (0..count + 2).collect(), splits_ratio: None }
     }
 
     #[test]
@@ -355,7 +355,7 @@ mod tests {
             );
             assert_eq!(tree.apply(&wanted), is_moved);
             assert!(!tree.apply(&wanted), "it is there, or too deep");
-            let after = Bvh { nodes: tree.into_nodes(), order: before.order.clone() };
+            let after = Bvh { nodes: tree.into_nodes(), ..before.clone() };
             assert_eq!(after.depth(), if is_moved { count + 1 } else { count });
             assert_eq!(after.nodes.len(), before.nodes.len());
         }

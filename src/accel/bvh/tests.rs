@@ -8,7 +8,8 @@ type Triangles = Vec<[Vec3; 3]>;
 impl Bvh {
     /// A tree of one leaf, however large.
     pub(in crate::accel) fn of_one_leaf(count: u32) -> Bvh {
-        Bvh { nodes: vec![BvhNode { bounds: Aabb::EMPTY, first: 0, count }], order: (0..count).collect() }
+        let nodes = vec![BvhNode { bounds: Aabb::EMPTY, first: 0, count }];
+        Bvh { nodes, order: (0..count).collect(), splits_ratio: None }
     }
 }
 

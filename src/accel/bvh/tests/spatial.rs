@@ -40,8 +40,8 @@ fn cut_scenes() -> Vec<(&'static str, Triangles)> {
     all
 }
 
-fn cutting(spatial_splits: f32, leaf_size: Option<u32>, reinsert: u32) -> BuildOptions {
-    BuildOptions { spatial_splits, reinsert, ..options(leaf_size) }
+fn cutting(splits: impl Into<SpatialSplits>, leaf_size: Option<u32>, reinsert: u32) -> BuildOptions {
+    BuildOptions { spatial_splits: splits.into(), reinsert, ..options(leaf_size) }
 }
 
 /// Whether the point, known up to `error`, is in the boxes of a leaf that lists the triangle and of all nodes from
@@ -98,8 +98,12 @@ fn every_point_of_a_triangle_is_in_a_leaf_that_lists_it() {
 #[test]
 fn cut_triangles_depend_neither_on_threads_nor_on_the_order_of_triangles() {
     let long: Triangles = soup(40_000, 1.0).into_iter().map(|[a, b, c]| [a, b, b + (c - b) * 1e-3]).collect();
-    for (name, triangles) in [("long", long), ("mixed", small_and_large(4000)), ("fan", fan(3000))] {
-        let options = cutting(0.3, None, 5);
+    for (name, triangles, splits) in [
+        ("long", long, SpatialSplits::Share(0.3)),
+        ("mixed", small_and_large(4000), SpatialSplits::Share(0.3)),
+        ("fan", fan(3000), SpatialSplits::Auto),
+    ] {
+        let options = cutting(splits, None, 5);
         let in_threads = |threads: usize, primitives: &[u32]| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             pool.install(|| build_bvh(&triangles, primitives, &options).unwrap())
@@ -135,4 +139,38 @@ fn a_share_of_less_than_a_triangle_changes_nothing() {
     let triangles = fan(500);
     let build = |share: f32| build_bvh(&triangles, &all(&triangles), &cutting(share, None, 5)).unwrap();
     assert!(build(0.0019) == build(0.0) && build(0.1) != build(0.0));
+}
+
+/// A sheet of small squares with slight waves.
+fn squares(side: usize) -> Triangles {
+    let at = |x: usize, y: usize| Vec3::new(x as f32, y as f32, 0.3 * ((3 * x + 5 * y) as f32).sin());
+    let cells = (0..side * side).map(|i| (i % side, i / side));
+    let halves = |(x, y)| {
+        let [a, b, c, d] = [at(x, y), at(x + 1, y), at(x, y + 1), at(x + 1, y + 1)];
+        [[a, b, c], [b, d, c]]
+    };
+    cells.flat_map(halves).collect()
+}
+
+#[test]
+fn splits_are_kept_where_they_pay_and_the_tree_is_that_of_the_share() {
+    let named = |wanted: &str| cut_scenes().into_iter().find(|(name, _)| *name == wanted).unwrap();
+    for ((name, triangles), pay, are_there) in [
+        (("long oblique triangles", fan(2000)), true, true),
+        (("the same side by side", stripes(2000)), true, true),
+        (named("one centroid"), true, true),
+        // A hundredth of its triangles is cut, which saves less than a hundredth of the cost.
+        (named("soup"), false, true),
+        (("squares", squares(40)), false, false),
+        (named("one"), false, false),
+        (named("empty"), false, false),
+    ] {
+        let build = |splits: SpatialSplits| build_bvh(&triangles, &all(&triangles), &cutting(splits, None, 5)).unwrap();
+        let [without, with, chosen] =
+            [SpatialSplits::NONE, SpatialSplits::AUTO_SHARE.into(), SpatialSplits::Auto].map(build);
+        assert_eq!(with != without, are_there, "{name}");
+        let expected = if pay { with } else { without };
+        assert!(chosen.nodes == expected.nodes && chosen.order == expected.order, "{name}: {:?}", chosen.splits_ratio);
+        assert!(expected.splits_ratio.is_none() && chosen.splits_ratio.is_some(), "{name}");
+    }
 }
