@@ -58,9 +58,9 @@ pub(crate) struct Sorted {
     pub sort_s: f64,
 }
 
-/// The order in which rays are traced, if it is not theirs: as it is asked for. With [`RayOrder::Auto`] shuffled batches
-/// are sorted where that `pays` ([`gains_by_sorted_rays`](TraceOptions::gains_by_sorted_rays)), makes neighbours of
-/// their rays, and these `go_far` enough.
+/// The order in which rays are traced, if it is not theirs: as it is asked for. With [`RayOrder::Auto`] shuffled
+/// batches are sorted where that `pays` ([`gains_by_sorted_rays`](TraceOptions::gains_by_sorted_rays)), makes
+/// neighbours of their rays, and these `go_far` enough.
 ///
 /// # Errors
 /// Those of `go_far`.
