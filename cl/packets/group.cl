@@ -94,8 +94,8 @@ RARE bool is_broad_for_leaf(GEOMETRY_PARAMETERS, const Frustum* f, uint packet) 
 }
 
 // The hits of the packets of `members`, of that range, as traverse_bvh8_packet() finds them. Their frusta go the same
-// way. False if that was given up, at the first leaf and with `may_give_up`, because they are too broad for the scene's
-// triangles. What was hit by then is kept.
+// way. False if that was given up, with `may_give_up` and before the first triangle was tested (or it would be counted
+// twice), because they are too broad for the scene's triangles.
 bool traverse_bvh8_group(GEOMETRY_PARAMETERS, RayPacket* packets, const PacketRange* range, const Frustum* frusta,
                          const uint members, const bool any_hit, bool may_give_up, PacketHits* hits) {
     float4 reach = (float4)(-INFINITY);

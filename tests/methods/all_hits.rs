@@ -155,9 +155,10 @@ fn they_are_those_of_exact_arithmetic_in_every_structure() {
 }
 
 /// What kernels have of their own: structures, records of packets, memory, layouts, and rounded tests.
-const ON_DEVICES: [&str; 9] = [
+const ON_DEVICES: [&str; 10] = [
     "structure=bvh8 packet_size=16",
     "structure=bvh2 spatial_splits=1",
+    "structure=bvh8 packet_size=16 ray_order=sorted",
     "structure=bvh2",
     "structure=kd traversal=ropes",
     "structure=grid triangles=leaf-order",
