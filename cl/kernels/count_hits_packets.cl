@@ -50,15 +50,11 @@ __kernel void count_hits_packets(GEOMETRY_ARGUMENTS, __global const TraceRay* re
     TRAVERSAL_STATE
     const Geometry geometry = MAKE_GEOMETRY;
     const BatchTile batch = {rays, sorted, tile_at(item, row, in_bands)};
-    const uint packets = min((end - item) / 16u, PACKETS_OF_ITEM);
     int16 answered[PACKETS_OF_ITEM];
-    count_together(GEOMETRY_AT(&geometry), &batch, counts, most, (1u << packets) - 1u, answered);
+    count_together(GEOMETRY_AT(&geometry), &batch, counts, most, (1u << full_squares(end - item)) - 1u, answered);
     for (uint k = 0; k < PACKETS_OF_ITEM; k++) {
-        const int16 here = k < packets ? answered[k] : (int16)(0);
-        for (ulong single = ALL_LANES16 & ~lanes_where16(here); single != 0ul; single = other_lanes8(single)) {
-            const uint lane = first_lane16(single);
-            if (16u * k + lane >= end - item) continue;
-            const uint index = ray_in_square(&batch, square_in_tile(&batch.tile, k), lane);
+        for (ulong single = lanes_left(end - item, k, answered); single != 0ul; single = other_lanes8(single)) {
+            const uint index = ray_in_square(&batch, square_in_tile(&batch.tile, k), first_lane16(single));
             Ray ray = batch_ray(rays, index, geometry.scale);
             counts[index] = count_of_ray(GEOMETRY_AT(&geometry), &ray, most);
         }

@@ -135,7 +135,7 @@ void pack_camera_rays(const ItemGroup* group, uint from, ulong lanes, RayPacket*
     float16 x = (float16)(0.0f), y = (float16)(0.0f);
     if (render->ray_count == 0u && group->apart == 1u) {
         const uint2 first = place_in_picture(render, pixel_of_lane(group, from));
-        const int16 lane = (int16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+        const int16 lane = NUMBERS16;
         const CameraSample at = group->samples[group->sample];
         x = convert_float16((int)first.x + lane % (int)TILE_SIDE) + at.x;
         y = convert_float16((int)first.y + lane / (int)TILE_SIDE) + at.y;

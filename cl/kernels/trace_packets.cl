@@ -68,15 +68,11 @@ void trace_together(GEOMETRY_PARAMETERS, const BatchTile* batch, __global Hit* h
 // one ray after the other.
 void trace_tile(GEOMETRY_PARAMETERS, DEFERRED_ARGUMENT const BatchTile* batch, __global Hit* hits, uint count,
                 const bool any_hit) {
-    const uint packets = min(count / 16u, PACKETS_OF_ITEM);
     int16 answered[PACKETS_OF_ITEM];
-    trace_together(GEOMETRY, batch, hits, (1u << packets) - 1u, any_hit, answered);
+    trace_together(GEOMETRY, batch, hits, (1u << full_squares(count)) - 1u, any_hit, answered);
     for (uint k = 0; k < PACKETS_OF_ITEM; k++) {
-        const int16 here = k < packets ? answered[k] : (int16)(0);
-        for (ulong single = ALL_LANES16 & ~lanes_where16(here); single != 0ul; single = other_lanes8(single)) {
-            const uint lane = first_lane16(single);
-            if (16u * k + lane >= count) continue;
-            const uint index = ray_in_square(batch, square_in_tile(&batch->tile, k), lane);
+        for (ulong single = lanes_left(count, k, answered); single != 0ul; single = other_lanes8(single)) {
+            const uint index = ray_in_square(batch, square_in_tile(&batch->tile, k), first_lane16(single));
             Hit hit;
             if (!trace_batch(GEOMETRY, batch->rays, hits, index, any_hit, &hit))
                 settle_batch(GEOMETRY, batch->rays, hits, index, any_hit, hit);

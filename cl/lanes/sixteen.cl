@@ -25,6 +25,9 @@ ulong lanes_where16(int16 comparison) {
 int16 mask_of_lanes16(ulong lanes) {
     return (int16)(convert_int8(as_uchar8(lanes & ALL_LANES8)), convert_int8(as_uchar8(lanes >> 4 & ALL_LANES8))) != 0;
 }
+// The number of each lane; and one alone.
+#define NUMBERS16 ((int16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15))
+int16 only_lane16(uint lane) { return NUMBERS16 == (int)lane; }
 ulong lane_bit16(uint lane) { return 1ul << (8u * (lane % 8u) + 4u * (lane / 8u)); }
 // The lowest bit's lane, and how many there are. The others: other_lanes8().
 uint first_lane16(ulong lanes) {

@@ -48,14 +48,15 @@ INLINE float16 clip_packet(GEOMETRY_PARAMETERS, const RayPacket* p, uint node, u
 void trace_single_ray(GEOMETRY_PARAMETERS, const RayPacket* p, uint lane, uint link, const bool any_hit,
                       PacketHits* hits) {
     SingleRay ray = take_single_ray(p, lane, hits);
-    const uint3 near = near_planes(ray.slabs.inv);
+    const uint3 near = near_planes(ray.line.slabs.inv);
     FarChild stack[STACK_SIZE];
     const FarChild end = {BVH_END, -INFINITY};
     stack[0] = end;
     uint stacked = 0;
     while (link != BVH_END) {
         if ((link & BVH_LEAF) == 0u) {
-            link = next_after_node(GEOMETRY, &ray.slabs, near, link, ray.t_near, ray.t_limit, stack, &stacked);
+            link = next_after_node(GEOMETRY, &ray.line.slabs, near, link, ray.line.t_near, ray.t_limit, stack,
+                                   &stacked);
             continue;
         }
         const int4 leaf = leaf_of_link(link);
@@ -88,7 +89,7 @@ void begin_turn(const RayPacket* p, ulong* lanes, PacketHits* hits, RayInTurn* r
     r->lane = first_lane16(*lanes);
     *lanes = other_lanes8(*lanes);
     r->ray = take_single_ray(p, r->lane, hits);
-    r->near = near_planes(r->ray.slabs.inv);
+    r->near = near_planes(r->ray.line.slabs.inv);
     r->link = 0u;
     r->stack[0] = end;
     r->stacked = 0u;
@@ -120,8 +121,8 @@ void trace_in_turn(GEOMETRY_PARAMETERS, const RayPacket* p, ulong lanes, const b
         for (uint i = 0; i < RAYS_IN_TURN; i++) {
             RayInTurn* r = &rays[i];
             if (r->lane == NO_LANE) continue;
-            const Interval8 t = clip_to_eight(GEOMETRY, &r->ray.slabs, r->near, BVH8_NODE_RECORDS * r->link,
-                                              r->ray.t_near, r->ray.t_limit);
+            const Interval8 t = clip_to_eight(GEOMETRY, &r->ray.line.slabs, r->near, BVH8_NODE_RECORDS * r->link,
+                                              r->ray.line.t_near, r->ray.t_limit);
             r->met = lanes_where8(t.enter <= t.leave);
             vstore8(t.enter, 0, r->enter);
             are_done = false;

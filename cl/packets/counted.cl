@@ -57,9 +57,8 @@ bool test_with_packet_counted(GEOMETRY_PARAMETERS, const RayPacket* p, const Lea
 }
 
 typedef struct {
-    Slabs slabs;
-    float3 origin, origin_low, direction;
-    float t_near, t_limit;
+    LaneRay line;
+    float t_limit;
     uint count, most;
     uint postponed; // what it has put aside, as its packet keeps it
     uint* postponed_references;
@@ -67,23 +66,18 @@ typedef struct {
 } SingleRay_counted;
 
 SingleRay_counted take_single_ray_counted(const RayPacket* p, uint lane, PacketHits_counted* hits) {
-    const SingleRay_counted ray = {
-        {three_of_lane(p->inv, lane), three_of_lane(p->enter, lane), three_of_lane(p->leave, lane)},
-        three_of_lane(p->origin, lane),
-        three_of_lane(p->origin_low, lane),
-        three_of_lane(p->direction, lane),
-        lane_of16(&p->t_near, lane),
-        lane_of16(&hits->t_limit, lane),
-        ((const uint*)&hits->count)[lane],
-        hits->most,
-        ((const uint*)&hits->postponed)[lane],
-        hits->postponed_references[lane],
-        true};
+    const SingleRay_counted ray = {ray_of_lane(p, lane),
+                                   lane_of16(&hits->t_limit, lane),
+                                   ((const uint*)&hits->count)[lane],
+                                   hits->most,
+                                   ((const uint*)&hits->postponed)[lane],
+                                   hits->postponed_references[lane],
+                                   true};
     return ray;
 }
 
 void put_back_counted(const SingleRay_counted* ray, uint lane, const bool any_hit, PacketHits_counted* hits) {
-    const int16 here = (int16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15) == (int)lane;
+    const int16 here = only_lane16(lane);
     ((uint*)&hits->postponed)[lane] = ray->postponed;
     hits->count = here ? (uint16)(ray->count) : hits->count;
     if (ray->is_decided && ray->count < ray->most) return;
@@ -95,10 +89,9 @@ void put_back_counted(const SingleRay_counted* ray, uint lane, const bool any_hi
 INLINE bool test_single_ray_counted(GEOMETRY_PARAMETERS, SingleRay_counted* ray, uint first, uint count,
                                     const bool any_hit) {
     Decision8 d;
-    const ulong open = decide_packet_of_triangles(GEOMETRY, ray->origin, ray->origin_low, ray->direction, ray->t_near,
-                                                  ray->t_limit, first, count, &d);
+    const ulong open = decide_packet_of_triangles(GEOMETRY, &ray->line, ray->t_limit, first, count, &d);
     if (open == 0ul) return false;
-    const ulong sure = open & lanes_where8(d.sure && d.t_low > ray->t_near && d.t_high < ray->t_limit);
+    const ulong sure = open & lanes_where8(d.sure && d.t_low > ray->line.t_near && d.t_high < ray->t_limit);
     ray->count += count_lanes8(sure);
     for (ulong left = open & ~sure; left != 0ul; left = other_lanes8(left)) {
         ray->is_decided = put_aside(&ray->postponed, ray->postponed_references, first + first_lane8(left));

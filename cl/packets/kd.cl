@@ -19,9 +19,9 @@ typedef struct {
 void trace_single_ray_in_cell(GEOMETRY_PARAMETERS, const RayPacket* p, uint lane, KdCell cell, const bool any_hit,
                               PacketHits* hits) {
     SingleRay ray = take_single_ray(p, lane, hits);
-    const float inv[3] = {ray.slabs.inv.x, ray.slabs.inv.y, ray.slabs.inv.z};
-    const float enter[3] = {ray.slabs.enter.x, ray.slabs.enter.y, ray.slabs.enter.z};
-    const float leave[3] = {ray.slabs.leave.x, ray.slabs.leave.y, ray.slabs.leave.z};
+    const float inv[3] = {ray.line.slabs.inv.x, ray.line.slabs.inv.y, ray.line.slabs.inv.z};
+    const float enter[3] = {ray.line.slabs.enter.x, ray.line.slabs.enter.y, ray.line.slabs.enter.z};
+    const float leave[3] = {ray.line.slabs.leave.x, ray.line.slabs.leave.y, ray.line.slabs.leave.z};
     KdCell stack[STACK_SIZE];
     uint stacked = 0;
     bool is_done = false;

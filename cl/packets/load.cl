@@ -13,6 +13,15 @@ uint ray_in_square(const BatchTile* batch, uint square, uint lane) {
     return batch->sorted != NULL ? batch->sorted[place] : place;
 }
 
+// How many squares of a work-item with `count` rays are full: those are packets.
+uint full_squares(uint count) { return min(count / 16u, PACKETS_OF_ITEM); }
+
+// The rays of square k that packets have not answered: of one that is not full all that there are.
+ulong lanes_left(uint count, uint k, const int16* answered) {
+    if (k < full_squares(count)) return ALL_LANES16 & ~lanes_where16(answered[k]);
+    return lanes_where16(NUMBERS16 < (int)count - 16 * (int)k);
+}
+
 // The numbers of the sixteen rays of a square, one component after the other: origin, t_min, direction, t_max.
 void load_components(const BatchTile* batch, uint square, float16* c) {
     float16 v[8], w[8];

@@ -41,6 +41,22 @@ float3 three_of_lane(const float16* v, uint lane) {
     return (float3)(lane_of16(&v[0], lane), lane_of16(&v[1], lane), lane_of16(&v[2], lane));
 }
 
+// The ray of a lane with slabs, where it goes on by itself.
+typedef struct {
+    Slabs slabs;
+    float3 origin, origin_low, direction;
+    float t_near;
+} LaneRay;
+
+LaneRay ray_of_lane(const RayPacket* p, uint lane) {
+    const LaneRay ray = {{three_of_lane(p->inv, lane), three_of_lane(p->enter, lane), three_of_lane(p->leave, lane)},
+                         three_of_lane(p->origin, lane),
+                         three_of_lane(p->origin_low, lane),
+                         three_of_lane(p->direction, lane),
+                         lane_of16(&p->t_near, lane)};
+    return ray;
+}
+
 void set_three_of_lane(float16* v, uint lane, float3 x) {
     set_lane16(&v[0], lane, x.x);
     set_lane16(&v[1], lane, x.y);

@@ -72,14 +72,8 @@ bool finish_lane_rounded(GEOMETRY_PARAMETERS, const Ray* ray, uint lane, const P
 
 SingleRay_rounded take_single_ray_rounded(const RayPacket* p, uint lane, const PacketHits_rounded* hits) {
     SingleRay_rounded ray;
-    ray.slabs.inv = three_of_lane(p->inv, lane);
-    ray.slabs.enter = three_of_lane(p->enter, lane);
-    ray.slabs.leave = three_of_lane(p->leave, lane);
-    ray.origin = three_of_lane(p->origin, lane);
-    ray.origin_low = three_of_lane(p->origin_low, lane);
-    ray.direction = three_of_lane(p->direction, lane);
+    ray.line = ray_of_lane(p, lane);
     JOIN(ray_of_, PACKET_TEST)(&hits->shears, lane, &ray.shear);
-    ray.t_near = lane_of16(&p->t_near, lane);
     ray.skip = ((const uint*)&p->skip)[lane];
     ray.t_limit = lane_of16(&hits->t_limit, lane);
     ray.u = ray.v = 0.0f;
@@ -91,7 +85,7 @@ SingleRay_rounded take_single_ray_rounded(const RayPacket* p, uint lane, const P
 // In whole vectors: those are read next, and would wait for a single lane.
 void put_back_rounded(const SingleRay_rounded* ray, uint lane, const bool any_hit, PacketHits_rounded* hits) {
     if (!ray->is_found) return;
-    const int16 here = (int16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15) == (int)lane;
+    const int16 here = only_lane16(lane);
     hits->t_limit = here ? (float16)(any_hit ? -INFINITY : ray->t_limit) : hits->t_limit;
     hits->t = here ? (float16)(ray->t_limit) : hits->t;
     hits->u = here ? (float16)(ray->u) : hits->u;
@@ -108,7 +102,7 @@ bool test_single_ray_rounded(GEOMETRY_PARAMETERS, SingleRay_rounded* ray, uint f
     float8 t, u, v;
     const int8 met = JOIN(eight_, PACKET_TEST)(ray, &l, &t, &u, &v);
     if (!is_any8(met)) return false;
-    ulong open = lanes_where8(met && t >= ray->t_near && t <= ray->t_limit) & FIRST_LANES8(count);
+    ulong open = lanes_where8(met && t >= ray->line.t_near && t <= ray->t_limit) & FIRST_LANES8(count);
     for (; open != 0ul; open = other_lanes8(open)) {
         const uint i = first_lane8(open), primitive = LOAD_REFERENCE(geometry, first + i);
         const float at = lane_of8(&t, i);

@@ -24,10 +24,8 @@ typedef struct {
 
 // A ray of a packet that goes on by itself.
 typedef struct {
-    Slabs slabs;
-    float3 origin, origin_low, direction;
+    LaneRay line;
     Shear shear;
-    float t_near;
     uint skip;
     // Its hit so far. t_limit is t where there is one, and where the ray ends where there is none.
     float t_limit, u, v;
@@ -66,7 +64,7 @@ Vector8 same_eight(float3 v) {
 // Vertices as seen from where the ray starts: from_origin() of ray.cl.
 Vector8 eight_from_origin(const SingleRay_rounded* ray, const LeafTriangles_rounded* l, uint corner) {
     const Vector8 v = eight_vectors(l, 3u * corner);
-    return minus8(minus8(v, same_eight(ray->origin)), same_eight(ray->origin_low));
+    return minus8(minus8(v, same_eight(ray->line.origin)), same_eight(ray->line.origin_low));
 }
 
 void rays_of_moller_trumbore(const RayPacket* p, PacketShears* shears) {}
@@ -88,7 +86,8 @@ int16 sixteen_moller_trumbore(const RayPacket* p, const PacketShears* shears, co
 int8 eight_moller_trumbore(const SingleRay_rounded* ray, const LeafTriangles_rounded* l, float8* t, float8* u,
                            float8* v) {
     const Vector8 p0 = eight_from_origin(ray, l, 0u), from_p0 = {-p0.x, -p0.y, -p0.z};
-    return moller_trumbore8(from_p0, same_eight(ray->direction), eight_vectors(l, 3u), eight_vectors(l, 6u), t, u, v);
+    const Vector8 direction = same_eight(ray->line.direction);
+    return moller_trumbore8(from_p0, direction, eight_vectors(l, 3u), eight_vectors(l, 6u), t, u, v);
 }
 
 void rays_of_plucker(const RayPacket* p, PacketShears* shears) {}
@@ -101,7 +100,7 @@ int16 sixteen_plucker(const RayPacket* p, const PacketShears* shears, const Leaf
 }
 int8 eight_plucker(const SingleRay_rounded* ray, const LeafTriangles_rounded* l, float8* t, float8* u, float8* v) {
     return plucker8(eight_from_origin(ray, l, 0u), eight_from_origin(ray, l, 1u), eight_from_origin(ray, l, 2u),
-                    same_eight(ray->direction), t, u, v);
+                    same_eight(ray->line.direction), t, u, v);
 }
 
 // shear_towards() and shear_along() of ray.cl.

@@ -2,9 +2,7 @@
 // eight triangles at a time.
 
 typedef struct {
-    Slabs slabs;
-    float3 origin, origin_low, direction;
-    float t_near;
+    LaneRay line;
     uint skip;
     // Its hit so far: limits of its t, its reference, but for one that the packet has found, and its triangle.
     float t_limit, hit_low;
@@ -15,20 +13,15 @@ typedef struct {
 } SingleRay_exactly;
 
 SingleRay_exactly take_single_ray_exactly(const RayPacket* p, uint lane, PacketHits_exactly* hits) {
-    const SingleRay_exactly ray = {
-        {three_of_lane(p->inv, lane), three_of_lane(p->enter, lane), three_of_lane(p->leave, lane)},
-        three_of_lane(p->origin, lane),
-        three_of_lane(p->origin_low, lane),
-        three_of_lane(p->direction, lane),
-        lane_of16(&p->t_near, lane),
-        ((const uint*)&p->skip)[lane],
-        lane_of16(&hits->t_limit, lane),
-        lane_of16(&hits->t_low, lane),
-        NO_PRIMITIVE,
-        ((const uint*)&hits->primitive)[lane],
-        ((const uint*)&hits->postponed)[lane],
-        hits->postponed_references[lane],
-        true};
+    const SingleRay_exactly ray = {ray_of_lane(p, lane),
+                                   ((const uint*)&p->skip)[lane],
+                                   lane_of16(&hits->t_limit, lane),
+                                   lane_of16(&hits->t_low, lane),
+                                   NO_PRIMITIVE,
+                                   ((const uint*)&hits->primitive)[lane],
+                                   ((const uint*)&hits->postponed)[lane],
+                                   hits->postponed_references[lane],
+                                   true};
     return ray;
 }
 
@@ -37,7 +30,7 @@ SingleRay_exactly take_single_ray_exactly(const RayPacket* p, uint lane, PacketH
 void put_back_exactly(const SingleRay_exactly* ray, uint lane, const bool any_hit, PacketHits_exactly* hits) {
     ((uint*)&hits->postponed)[lane] = ray->postponed;
     if (ray->is_decided && ray->found == NO_PRIMITIVE) return;
-    const int16 here = (int16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15) == (int)lane;
+    const int16 here = only_lane16(lane);
     hits->t_limit = here ? (float16)(!ray->is_decided || any_hit ? -INFINITY : ray->t_limit) : hits->t_limit;
     if (!ray->is_decided) {
         hits->undecided_lanes = hits->undecided_lanes || here;
@@ -70,8 +63,9 @@ RARE Decision8 decide_single_ray_closely(GEOMETRY_PARAMETERS, float3 origin, flo
 // What float32 tells of a ray and a packet of `count` triangles, those of the references from `first` on, and what
 // twice the precision does where that is not sure. Returns the lanes of triangles that the ray may hit within those
 // limits.
-INLINE ulong decide_packet_of_triangles(GEOMETRY_PARAMETERS, float3 origin, float3 low, float3 direction, float t_near,
-                                        float t_limit, uint first, uint count, Decision8* d) {
+INLINE ulong decide_packet_of_triangles(GEOMETRY_PARAMETERS, const LaneRay* ray, float t_limit, uint first, uint count,
+                                        Decision8* d) {
+    const float3 origin = ray->origin, low = ray->origin_low, direction = ray->direction;
     LeafTriangles_exactly l;
     float8 b[3], c[3];
     load_corners(GEOMETRY, first / 8u, l.a, b, c);
@@ -85,12 +79,12 @@ INLINE ulong decide_packet_of_triangles(GEOMETRY_PARAMETERS, float3 origin, floa
     *d = decide8(a, along, &l.rest);
     ulong open = lanes_where8(d->possible) & FIRST_LANES8(count);
     if (open == 0ul) return 0ul;
-    open &= open_lanes8(d, t_near, t_limit);
+    open &= open_lanes8(d, ray->t_near, t_limit);
 #ifdef EXTENDED_IS_DOUBLE
     if ((open & ~lanes_where8(d->sure)) != 0ul && all(low == (float3)(0.0f))) {
         *d = decide_single_ray_closely(GEOMETRY, origin, direction, first / 8u, l.rest.weight_bound,
                                        l.rest.det_bound, l.rest.t_bound);
-        open &= open_lanes8(d, t_near, t_limit);
+        open &= open_lanes8(d, ray->t_near, t_limit);
     }
 #endif
     return open;
@@ -101,10 +95,9 @@ INLINE ulong decide_packet_of_triangles(GEOMETRY_PARAMETERS, float3 origin, floa
 INLINE bool test_single_ray_exactly(GEOMETRY_PARAMETERS, SingleRay_exactly* ray, uint first, uint count,
                                     const bool any_hit) {
     Decision8 d;
-    ulong open = decide_packet_of_triangles(GEOMETRY, ray->origin, ray->origin_low, ray->direction, ray->t_near,
-                                            ray->t_limit, first, count, &d);
+    ulong open = decide_packet_of_triangles(GEOMETRY, &ray->line, ray->t_limit, first, count, &d);
     if (open == 0ul) return false;
-    const ulong sure = lanes_where8(d.sure && d.t_low > ray->t_near);
+    const ulong sure = lanes_where8(d.sure && d.t_low > ray->line.t_near);
     for (; open != 0ul; open = other_lanes8(open)) {
         const uint i = first_lane8(open);
         const float t_low = lane_of8(&d.t_low, i), t_high = lane_of8(&d.t_high, i);

@@ -1,5 +1,6 @@
 //! All hits of a batch on a device: it counts them, and then lists them, part of the batch by part.
 
+use super::batch::DeviceOrder;
 use super::deferred::Deferred;
 use super::entry::Entry;
 use super::launch::LaunchPlan;
@@ -42,12 +43,11 @@ impl Lister<'_> {
         progress: impl FnMut(usize),
     ) -> Result<(Vec<u32>, f64)> {
         let counts = Buffer::<u32>::empty(self.context, "numbers of hits", job.rays.len())?;
-        let rows = if sorted.is_some() { Rows::default() } else { Rows::find(job.rays) };
-        let sorted = sorted.map(|sorted| sorted.on(self.context)).transpose()?;
+        let order = DeviceOrder::new(self.context, sorted, || Rows::find(job.rays))?;
         let (scene, rays) = (self.scene, &self.rays);
         let set = |kernel: &mut Kernel| {
             let arguments = scene.geometry_arguments(kernel)?.set(rays)?.set(&counts)?.set_work(work)?;
-            arguments.set_order(rows, sorted.as_ref())?.set(job.most).map(|_| ())
+            order.set(arguments)?.set(job.most).map(|_| ())
         };
         let shape = (0..job.rays.len(), self.work_group);
         let Lister { context, passes, plan, deferred, .. } = self;

@@ -40,10 +40,23 @@ impl Order {
     }
 }
 
-impl Sorted {
-    /// The order in a device's memory.
-    pub(super) fn on(&self, context: &DeviceContext) -> Result<Buffer<u32>> {
-        Buffer::from_slice(context, "order of rays", &self.order)
+/// In which order a kernel takes rays: that they are sorted in, or their own, which may have rows.
+pub(super) struct DeviceOrder {
+    rows: Rows,
+    sorted: Option<Buffer<u32>>,
+}
+
+impl DeviceOrder {
+    /// `rows` is asked where the rays are not sorted.
+    pub fn new(context: &DeviceContext, sorted: Option<&Sorted>, rows: impl FnOnce() -> Rows) -> Result<DeviceOrder> {
+        let rows = if sorted.is_some() { Rows::default() } else { rows() };
+        let buffer = |sorted: &Sorted| Buffer::from_slice(context, "order of rays", &sorted.order);
+        Ok(DeviceOrder { rows, sorted: sorted.map(buffer).transpose()? })
+    }
+
+    /// Passes it to a kernel.
+    pub fn set<'k>(&self, arguments: Arguments<'k>) -> Result<Arguments<'k>> {
+        arguments.set_order(self.rows, self.sorted.as_ref())
     }
 }
 
@@ -52,21 +65,18 @@ pub(super) struct DeviceBatch<'a> {
     rays: &'a Buffer<TraceRay>,
     hits: &'a Buffer<Hit>,
     pub deferred: &'a Deferred,
-    rows: Rows,
-    sorted: Option<Buffer<u32>>,
+    order: DeviceOrder,
 }
 
 impl<'a> DeviceBatch<'a> {
-    /// In that order, or in their own, which may have rows.
+    /// As [`DeviceOrder::new`].
     pub fn new(
         context: &DeviceContext,
         (rays, hits, deferred): (&'a Buffer<TraceRay>, &'a Buffer<Hit>, &'a Deferred),
         sorted: Option<&Sorted>,
         rows: impl FnOnce() -> Rows,
     ) -> Result<DeviceBatch<'a>> {
-        let rows = if sorted.is_some() { Rows::default() } else { rows() };
-        let sorted = sorted.map(|sorted| sorted.on(context)).transpose()?;
-        Ok(DeviceBatch { rays, hits, deferred, rows, sorted })
+        Ok(DeviceBatch { rays, hits, deferred, order: DeviceOrder::new(context, sorted, rows)? })
     }
 
     /// Passes the batch to a kernel, after the scene's geometry.
@@ -76,6 +86,6 @@ impl<'a> DeviceBatch<'a> {
 
     /// Passes what is deferred, and the order.
     pub fn set_order<'k>(&self, arguments: Arguments<'k>) -> Result<Arguments<'k>> {
-        arguments.set(&self.deferred.items)?.set_order(self.rows, self.sorted.as_ref())
+        self.order.set(arguments.set(&self.deferred.items)?)
     }
 }
