@@ -6,7 +6,9 @@ use glam::Vec3;
 use num_bigint::{BigInt, Sign};
 use raybrook::low_level::device::DeviceHandle;
 use raybrook::low_level::layout::Float4;
-use raybrook::low_level::options::{Intersector, KdOptions, Structure, StructureKind, TraceOptions, Traversal};
+use raybrook::low_level::options::{
+    BvhOptions, Intersector, KdOptions, PacketSize, Structure, StructureKind, TraceOptions, Traversal,
+};
 use raybrook::low_level::pack::SceneBuffers;
 use raybrook::low_level::reference::intersect::exact_filter::{Decision, decide_extended, finish_extended};
 use raybrook::low_level::reference::intersect::exact_integers::{decide_by_integers, finish_by_integers};
@@ -359,6 +361,34 @@ fn numbers_of_the_most_bits_fit() {
     for device in [None, device()] {
         let hit = trace(device.as_ref(), &buffers, &options, &rays)[0];
         assert_eq!((hit.primitive, hit.t, hit.u), (0, from / along, 0.25));
+    }
+}
+
+/// A ray meets a vertex of a triangle, and then another one with that vertex, which has the lower number and is not
+/// hit: the ray is in its plane. Pairs of doubles tell so at once.
+#[test]
+fn triangles_in_the_plane_of_a_ray_are_not_hit_where_others_are() {
+    let Some(device) = device() else { return };
+    let corner = Vec3::ZERO;
+    let beside = [corner, Vec3::new(3.0, 3.0, 8.0), Vec3::new(1.0, 5.0, 8.0)];
+    let across = [corner, Vec3::new(-2.0, 0.0, -3.0), Vec3::new(0.0, -2.0, -3.0)];
+    let bvh = BvhOptions { leaf_size: Some(1), ..BvhOptions::DEFAULT };
+    for (structure, packet_size) in
+        [(Structure::Bvh2(bvh), PacketSize::One), (Structure::Bvh8(bvh), PacketSize::Sixteen)]
+    {
+        let options = TraceOptions { intersector: Intersector::Exact, structure, packet_size, ..TraceOptions::DEFAULT };
+        let buffers = Arc::new(SceneBuffers::new(&scene_of(&[beside, across]), &options).unwrap());
+        let direction = Vec3::new(1.0, 2.0, 4.0);
+        let rays = [buffers.trace_ray(-3.0 * direction, direction, 0.0, f32::INFINITY); 64];
+        let mut tracer = open_tracer(Some(&device), &buffers, &options, 1, None).unwrap();
+        let job = TraceJob { rays: &rays, next_directions: None, extreme: &[], any_hit: false, repeat: 1 };
+        let result = tracer.trace(&job, &|_| ()).unwrap();
+        assert!(
+            result.hits.iter().all(|hit| (hit.primitive, hit.t) == (1, 3.0)),
+            "{structure:?}: {:?}",
+            result.hits[0]
+        );
+        assert!(result.second_pass == Some(0) || !device.info.fp64, "{structure:?}: {:?}", result.second_pass);
     }
 }
 
