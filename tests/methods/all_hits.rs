@@ -1,7 +1,7 @@
 //! All hits of rays: against exact arithmetic, against closest and any hits, and device against twin.
 
 use super::closed::{meshes, structures, thin};
-use crate::common::{Random, SEED, asked, device, usually_every};
+use crate::common::{Random, SEED, asked, device, quick_device, usually_every};
 use glam::Vec3;
 use raybrook::low_level::device::DeviceHandle;
 use raybrook::low_level::extreme::TracingBatch;
@@ -170,7 +170,7 @@ const ON_DEVICES: [&str; 10] = [
 
 #[test]
 fn device_and_twin_agree() {
-    let Some(device) = device() else { return };
+    let Some(device) = quick_device() else { return };
     let models = Model::all();
     for text in usually_every(2, ON_DEVICES) {
         let options = asked(text);

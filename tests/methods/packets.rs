@@ -1,7 +1,7 @@
 //! Packets of rays with exact hits: the closest hits of the twin, which traces one ray after the other, to the bit; and
 //! of any hits one that is there. Packets of other triangle tests: `rounded_packets.rs`.
 
-use crate::common::{Random, SEED, device, on_oclgrind, scene_of, sheet, soup, usually_every};
+use crate::common::{Random, SEED, device, on_oclgrind, quick_device, scene_of, sheet, soup, usually_every};
 use glam::Vec3;
 use raybrook::low_level::accel::StructureStats;
 use raybrook::low_level::device::DeviceHandle;
@@ -162,7 +162,7 @@ fn packets_find_the_hits_of_single_rays() {
 /// A triangle that splits of space have put into several leaves is met again and again, by all rays of a packet.
 #[test]
 fn packets_meet_the_parts_of_a_triangle() {
-    let Some(device) = device() else { return };
+    let Some(device) = quick_device() else { return };
     let mut random = Random::new(SEED);
     let long = soup(200, 2.0, &mut random).into_iter().map(|[a, b, c]| [a, b, b + (c - b) * 0.02]);
     let triangles: Vec<_> = long.chain(soup(200, 0.05, &mut random)).chain(soup(5, 2.0, &mut random)).collect();

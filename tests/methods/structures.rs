@@ -1,7 +1,9 @@
 //! Grid, octree, boxes, spheres and hierarchies of boxes: rays and scenes made to break them, against brute force bit
 //! for bit; what each structure promises of its lists; and the options that go with them.
 
-use crate::common::{Random, SEED, asked, device, is_thorough, scene_of, sheet, soup, try_asked, usually_every};
+use crate::common::{
+    Random, SEED, asked, device, is_thorough, quick_device, scene_of, sheet, soup, try_asked, usually_every,
+};
 use glam::{DVec3, Vec3};
 use raybrook::low_level::accel::{BuildOptions, StructureStats, build_boxes, build_octree, build_spheres};
 use raybrook::low_level::options::{
@@ -236,7 +238,7 @@ fn rays_made_to_break_structures_get_the_hits_of_brute_force() {
 
 #[test]
 fn the_device_agrees_on_them_to_the_bit() {
-    let Some(device) = device() else { return };
+    let Some(device) = quick_device() else { return };
     for (name, triangles) in scenes() {
         let scene = scene_of(&triangles);
         let rays = queries_of(&scene, 1400);
