@@ -130,6 +130,7 @@ mod device;
 mod device_info;
 mod error;
 mod features;
+mod fma;
 mod front;
 mod io;
 mod layers;

@@ -9,6 +9,7 @@
 //! Bad at: rays that take less time than their sorting, such as those that leave a scene at once.
 
 use crate::error::Result;
+use crate::fma::with_fma;
 use crate::options::{PacketSize, RayOrder, TraceOptions};
 use crate::parallel;
 use crate::shared::{SceneParams, TraceRay, WorkCounter};
@@ -50,6 +51,13 @@ const SORTED_SAMPLES: usize = 4096;
 /// took as long sorted as shuffled, and its diffuse rays (1) gained what their sorting took.
 const NEIGHBOURS: f32 = 0.125;
 
+/// Memory that sorting takes, to be kept for the next batch: new pages cost more than sorting.
+#[derive(Default)]
+pub(crate) struct SortRoom {
+    keys: Vec<u32>,
+    spare: Vec<u32>,
+}
+
 /// In which order the rays of a batch are traced that is sorted.
 pub(crate) struct Sorted {
     /// Their numbers.
@@ -70,6 +78,7 @@ pub(crate) fn sorted(
     params: &SceneParams,
     pays: bool,
     go_far: impl FnOnce() -> Result<bool>,
+    room: &mut SortRoom,
 ) -> Result<Option<Sorted>> {
     let start = Instant::now();
     let keys = RayKeys::new(params);
@@ -81,7 +90,7 @@ pub(crate) fn sorted(
     // Kernels number rays in 32 bits.
     let may_be_sorted = u32::try_from(rays.len()).is_ok();
     Ok((is_sorted && may_be_sorted).then(|| {
-        let order = keys.order(rays);
+        let order = keys.order(rays, room);
         Sorted { order, sort_s: start.elapsed().as_secs_f64() }
     }))
 }
@@ -161,36 +170,144 @@ impl RayKeys {
         RayKeys { low, cells_per_unit: (1u32 << ORIGIN_BITS) as f32 / side }
     }
 
-    /// The key of a ray: [`KEY_BITS`] bits. One that starts outside of the scene has that of the nearest cell, one of
-    /// nonsense any.
-    fn key(&self, ray: &TraceRay) -> u64 {
-        let origin = (ray.origin_t_min.xyz() - self.low) * self.cells_per_unit;
-        let direction = square_of(ray.direction_t_max.xyz()) * (1u32 << DIRECTION_BITS) as f32;
-        let origin: u64 = zorder::index_of(origin.to_array().map(|x| cell(x, ORIGIN_BITS)));
-        let direction: u32 = zorder::index_of(direction.to_array().map(|x| cell(x, DIRECTION_BITS)));
-        origin << (2 * DIRECTION_BITS) | u64::from(direction)
-    }
-
     /// Whether rays of a shuffled batch are near those that come next once they are sorted, by direction and by origin,
     /// where two cells are near: found out by some of them.
     fn make_neighbours(&self, rays: &[TraceRay]) -> bool {
         let some = some_of(rays, SORTED_SAMPLES);
-        let sorted = permuted(&some, &self.order(&some));
+        let sorted = permuted(&some, &self.order(&some, &mut SortRoom::default()));
         let (near, far) = distances(&some, &sorted, 1, direction);
         let (near_origin, far_origin) = distances(&some, &sorted, 1, origin);
         near <= NEIGHBOURS * far && near_origin <= (NEIGHBOURS * far_origin).max(2.0 / self.cells_per_unit)
     }
 
-    /// Numbers of rays, those with the lowest keys first. Of half a million rays or more the lowest bits of directions
-    /// do not count.
-    fn order(&self, rays: &[TraceRay]) -> Vec<u32> {
-        // A key and the number of its ray are one integer, so that no two are equal, and integers alone are sorted.
-        let index_bits = usize::BITS - rays.len().leading_zeros();
-        let dropped = (KEY_BITS + index_bits).saturating_sub(u64::BITS);
-        let entry = |i: usize| self.key(&rays[i]) >> dropped << index_bits | i as u64;
-        let sorted = parallel::sorted(&parallel::map_numbers(rays.len(), entry));
-        parallel::map_slice(&sorted, |entry| (entry & ((1 << index_bits) - 1)) as u32)
+    /// The key of a ray: [`KEY_BITS`] bits. One that starts outside of the scene has that of the nearest cell, one of
+    /// nonsense any.
+    fn key(&self, ray: &TraceRay) -> u64 {
+        let (origin, direction) = (origin_key(self.cells(origin(ray))), direction_key(ray.direction_t_max.xyz()));
+        u64::from(origin) << (2 * DIRECTION_BITS) | u64::from(direction)
     }
+
+    /// Where an origin lies, in cells.
+    #[inline(always)]
+    fn cells(&self, origin: Vec3) -> Vec3 {
+        (origin - self.low) * self.cells_per_unit
+    }
+
+    /// Numbers of rays, those with the lowest keys first, by the bits that tell them apart.
+    fn order(&self, rays: &[TraceRay], room: &mut SortRoom) -> Vec<u32> {
+        let mut order = vec![0; rays.len()];
+        let parts = rays.chunks(parallel::MOST_ORDERED).zip(order.chunks_mut(parallel::MOST_ORDERED));
+        for (number, (rays, order)) in parts.enumerate() {
+            let SortRoom { keys, spare } = room;
+            keys.resize(rays.len(), 0);
+            spare.resize(rays.len(), 0);
+            let telling = TellingBits::of(some_of(rays, TELLING_SAMPLES).iter().map(|ray| self.key(ray)).collect());
+            parallel::each(rays.chunks(PIECE).zip(keys.chunks_mut(PIECE)), |(rays, keys)| {
+                write_keys(self, &telling, rays, keys);
+            });
+            parallel::order_by(keys, order, spare);
+            let first = (number * parallel::MOST_ORDERED) as u32;
+            if first > 0 {
+                parallel::each_mut(order, |_, number| *number += first);
+            }
+        }
+        order
+    }
+}
+
+/// So many rays get their keys at once, in the registers' lanes.
+const BLOCK: usize = 64;
+/// So many a thread.
+const PIECE: usize = 64 * BLOCK;
+
+with_fma! {
+    /// The bits of each ray's key that tell.
+    fn write_keys(of: &RayKeys, telling: &TellingBits, rays: &[TraceRay], keys: &mut [u32]) {
+        for (rays, keys) in rays.chunks(BLOCK).zip(keys.chunks_mut(BLOCK)) {
+            let (mut origins, mut directions) = ([[0.0; BLOCK]; 3], [[0.0; BLOCK]; 3]);
+            for (i, ray) in rays.iter().enumerate() {
+                let (origin, direction) = (ray.origin_t_min.xyz().to_array(), ray.direction_t_max.xyz().to_array());
+                for axis in 0..3 {
+                    origins[axis][i] = origin[axis];
+                    directions[axis][i] = direction[axis];
+                }
+            }
+            let mut whole = [0u64; BLOCK];
+            for (i, key) in whole.iter_mut().enumerate() {
+                let origin = Vec3::new(origins[0][i], origins[1][i], origins[2][i]);
+                *key = u64::from(origin_key(of.cells(origin))) << (2 * DIRECTION_BITS);
+            }
+            for (i, key) in whole.iter_mut().enumerate() {
+                *key |= u64::from(direction_key(Vec3::new(directions[0][i], directions[1][i], directions[2][i])));
+            }
+            keys.fill(0);
+            for &(shift, mask) in &telling.runs {
+                for (key, whole) in keys.iter_mut().zip(&whole) {
+                    *key |= (whole >> shift) as u32 & mask;
+                }
+            }
+        }
+    }
+}
+
+/// How many rays of a batch are looked at to find out which bits tell them apart.
+const TELLING_SAMPLES: usize = 1024;
+/// A bit tells if it is another one in at least one of so many rays that are alike in the bits above: all rays of a
+/// camera start in one cell, and those of a long lens go through four places of the square of directions, where the
+/// next bits are always the same. A ray in a thousand from elsewhere changes nothing of that.
+const TELLING_SHARE: usize = 256;
+/// So many rays at least must be alike in the bits above, else they say nothing.
+const ALIKE: usize = 16;
+/// Where less than one ray in so many is like as many others, lower bits are taken to tell.
+const ALIKE_SHARE: usize = 4;
+
+/// The highest bits that tell the rays of a batch apart: no more of them than are ordered at once.
+struct TellingBits {
+    /// How far a whole key is moved to the right, and which bits then are those of the short one.
+    runs: Vec<(u32, u32)>,
+}
+
+impl TellingBits {
+    /// Those of a sample of keys.
+    fn of(mut keys: Vec<u64>) -> TellingBits {
+        keys.sort_unstable();
+        let tells = |&bit: &u32| {
+            let alike = keys.chunk_by(|a, b| a >> bit >> 1 == b >> bit >> 1).filter(|keys| keys.len() >= ALIKE);
+            let (all, others) = alike.fold((0, 0), |(all, others), keys| {
+                let zeros = keys.partition_point(|key| key >> bit & 1 == 0);
+                (all + keys.len(), others + zeros.min(keys.len() - zeros))
+            });
+            all < keys.len().div_ceil(ALIKE_SHARE) || others * TELLING_SHARE >= all
+        };
+        let bits: Vec<_> = (0..KEY_BITS).rev().filter(tells).take(parallel::ORDERED_BITS as usize).collect();
+        // The lowest of them becomes bit 0.
+        let mut runs: Vec<(u32, u32)> = Vec::new();
+        for (place, bit) in bits.into_iter().rev().enumerate() {
+            let (shift, mask) = (bit - place as u32, 1 << place);
+            match runs.last_mut().filter(|run| run.0 == shift) {
+                Some(run) => run.1 |= mask,
+                None => runs.push((shift, mask)),
+            }
+        }
+        TellingBits { runs }
+    }
+}
+
+/// The place of an origin, in cells, on their Z-curve.
+#[inline(always)]
+fn origin_key(origin: Vec3) -> u32 {
+    const { assert!(ORIGIN_BITS <= u8::BITS) };
+    let [x, y, z] = [cell(origin.x, ORIGIN_BITS), cell(origin.y, ORIGIN_BITS), cell(origin.z, ORIGIN_BITS)];
+    zorder::index_of([x as u8, y as u8, z as u8])
+}
+
+/// The place of a direction on the Z-curve of the square's cells.
+#[inline(always)]
+fn direction_key(direction: Vec3) -> u32 {
+    const { assert!(DIRECTION_BITS <= u16::BITS) };
+    let place = square_of(direction) * (1u32 << DIRECTION_BITS) as f32;
+    let [x, y] = [cell(place.x, DIRECTION_BITS), cell(place.y, DIRECTION_BITS)];
+    zorder::index_of([x as u16, y as u16])
 }
 
 /// Whether rays that are near each other in a large batch are no nearer in space than any two of its rays, neither by
@@ -230,16 +347,24 @@ fn median(of: impl Fn(usize) -> f32) -> f32 {
 }
 
 /// The cell in which `x` lies, of 2^`bits` of side 1; the nearest one of a number outside, and the first of NaN.
-fn cell(x: f32, bits: u32) -> u16 {
-    (x as u16).min((1 << bits) - 1)
+/// Rounded halfway between two numbers, so that the middle of the first cell is 0.
+#[inline(always)]
+fn cell(x: f32, bits: u32) -> u32 {
+    // The lowest bits of such a sum are the integer. A conversion is not made in lanes, for the sake of numbers that
+    // no integer has.
+    const INTEGERS: f32 = (1 << (f32::MANTISSA_DIGITS - 1)) as f32;
+    let last = (1u32 << bits) - 1;
+    ((x - 0.5).max(0.0).min(last as f32) + INTEGERS).to_bits() & last
 }
 
 /// A direction of any length where it meets an octahedron.
+#[inline(always)]
 fn on_octahedron(direction: Vec3) -> Vec3 {
     direction / direction.abs().element_sum()
 }
 
 /// A direction on the square from 0 to 1: an octahedron with its lower half folded out.
+#[inline(always)]
 fn square_of(direction: Vec3) -> Vec2 {
     let d = on_octahedron(direction);
     let upper = d.truncate();
@@ -312,7 +437,7 @@ mod tests {
                 assert!(are_shuffled(&rays), "{name}, shuffled");
                 let make_neighbours = !matches!(name, "diffuse" | "random");
                 assert_eq!(keys().make_neighbours(&rays), make_neighbours, "{name}, shuffled");
-                let order = keys().order(&rays);
+                let order = keys().order(&rays, &mut SortRoom::default());
                 assert!(!are_shuffled(&permuted(&rays, &order)), "{name}, sorted");
                 assert!(!are_shuffled(&rays[..FEWEST_RAYS - 1]), "few rays of {name}");
             }
@@ -325,24 +450,71 @@ mod tests {
         for length in [0, 1, 2, 15, 64, 5000] {
             let any = |random: &mut Random| Vec3::from_array([(); 3].map(|()| random.any_float()));
             let rays: Vec<_> = (0..length).map(|_| ray(any(&mut random), any(&mut random))).collect();
-            let order = keys().order(&rays);
+            let order = keys().order(&rays, &mut SortRoom::default());
             let numbers: Vec<_> = (0..length).collect();
             assert_eq!(restored(permuted(&numbers, &order), &order), numbers);
-            let keys: Vec<_> = permuted(&rays, &order).iter().map(|ray| keys().key(ray)).collect();
-            assert!(keys.is_sorted() && keys.iter().all(|key| key >> KEY_BITS == 0));
+            let whole: Vec<_> = rays.iter().map(|ray| keys().key(ray)).collect();
+            assert!(whole.iter().all(|key| key >> KEY_BITS == 0));
+            let telling = TellingBits::of(whole.clone());
+            let mut short = vec![1; length];
+            write_keys(&keys(), &telling, &rays, &mut short);
+            // In lanes as alone.
+            let of_one =
+                |key: &u64| telling.runs.iter().map(|&(shift, mask)| (key >> shift) as u32 & mask).sum::<u32>();
+            assert_eq!(short, whole.iter().map(of_one).collect::<Vec<_>>());
+            if length <= TELLING_SAMPLES {
+                assert!(permuted(&short, &order).is_sorted());
+            }
         }
         let no_scene = RayKeys::new(&SceneParams::zeroed());
         assert!(no_scene.key(&ray(Vec3::ZERO, Vec3::X)) >> KEY_BITS == 0);
     }
 
     #[test]
+    fn the_highest_bits_that_tell_are_taken() {
+        let runs = |keys: &[u64]| TellingBits::of(keys.to_vec()).runs;
+        let highest = (KEY_BITS - parallel::ORDERED_BITS, (1 << parallel::ORDERED_BITS) - 1);
+        assert_eq!(runs(&[0, 3, 1 << 30]), [highest]);
+        assert_eq!(runs(&[5; 20]), []);
+        // The third bit is as the fourth in all, and the second has one ray of a thousand to itself.
+        let alike = |i: u64| (i & 1) << 3 | (i & 1) << 2 | (i >> 1 & 1);
+        let mut keys: Vec<_> = (0..1000).map(alike).collect();
+        assert_eq!(runs(&keys), [(0, 1), (2, 2)]);
+        keys[7] |= 2;
+        assert_eq!(runs(&keys), [(0, 1), (2, 2)]);
+        keys.iter_mut().step_by(100).for_each(|key| *key |= 2);
+        assert_eq!(runs(&keys), [(0, 3), (1, 4)]);
+        let mut random = Random::new(11);
+        let any: Vec<_> =
+            (0..1000).map(|_| (random.below(1 << 22) as u64) << 23 | random.below(1 << 23) as u64).collect();
+        assert_eq!(runs(&any), [highest]);
+    }
+
+    /// A camera far away, whose rays are few cells of directions, among some from elsewhere.
+    #[test]
+    fn rays_of_a_long_lens_become_neighbours() {
+        let mut random = Random::new(9);
+        let from = Vec3::new(0.0, 0.0, 20.0);
+        let rays: Vec<_> = (0..SIDE * SIDE)
+            .map(|i| match i % 1000 {
+                0 => ray(random.vec3(), random.direction()),
+                _ => ray(from, pixel(i, false).extend(0.0) - from),
+            })
+            .collect();
+        let rays = shuffled(&rays, &mut random);
+        let sorted = permuted(&rays, &keys().order(&rays, &mut SortRoom::default()));
+        let (near, far) = distances(&rays, &sorted, 1, direction);
+        assert!(near < 0.03 * far, "{near} of {far}");
+    }
+
+    #[test]
     fn directions_fill_the_square() {
         let mut random = Random::new(5);
-        let cells = |d: Vec3| (square_of(d) * 4.0).to_array().map(|x| cell(x, 2));
+        let cells = |d: Vec3| (square_of(d) * 4.0).to_array().map(|x| cell(x, 2) as usize);
         let mut counts = [[0; 4]; 4];
         for _ in 0..16_000 {
             let [x, y] = cells(random.direction());
-            counts[usize::from(x)][usize::from(y)] += 1;
+            counts[x][y] += 1;
         }
         assert!(counts.as_flattened().iter().all(|&count| count > 500), "{counts:?}");
         // Neighbours on both sides of the fold.

@@ -7,7 +7,7 @@ use super::{Buffer, DeviceContext, DeviceKind};
 use crate::error::Result;
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
-use crate::ray_order::{Sorted, go_far, sorted};
+use crate::ray_order::{SortRoom, Sorted, go_far, sorted};
 use crate::reference::ReferenceBackend;
 use crate::shared::{Hit, TraceRay};
 use crate::tracer::{Backend, TraceJob};
@@ -23,20 +23,25 @@ pub(super) struct Order {
 
 impl Order {
     /// That of a batch, if it is not its own.
-    pub fn of(&self, job: &TraceJob) -> Result<Option<Sorted>> {
+    pub fn of(&self, job: &TraceJob, room: &mut SortRoom) -> Result<Option<Sorted>> {
         let trial = |job: &TraceJob, options| ReferenceBackend::new(self.buffers.clone(), options).trace(job, &|_| ());
-        self.sorted(job.rays, || go_far(job, &self.options, trial))
+        self.sorted(job.rays, || go_far(job, &self.options, trial), room)
     }
 
     /// The same where hits are counted: all rays go far then. A million shuffled camera rays on two cores with PoCL,
     /// kept and sorted, with the sorting: gears 73 and 46 ms, sponza 192 and 53.
     pub fn of_counts(&self, rays: &[TraceRay]) -> Result<Option<Sorted>> {
-        self.sorted(rays, || Ok(true))
+        self.sorted(rays, || Ok(true), &mut SortRoom::default())
     }
 
-    fn sorted(&self, rays: &[TraceRay], go_far: impl FnOnce() -> Result<bool>) -> Result<Option<Sorted>> {
+    fn sorted(
+        &self,
+        rays: &[TraceRay],
+        go_far: impl FnOnce() -> Result<bool>,
+        room: &mut SortRoom,
+    ) -> Result<Option<Sorted>> {
         let pays = self.options.gains_by_sorted_rays(Some(self.kind));
-        sorted(rays, self.options.ray_order, &self.buffers.params, pays, go_far)
+        sorted(rays, self.options.ray_order, &self.buffers.params, pays, go_far, room)
     }
 }
 

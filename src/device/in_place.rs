@@ -9,6 +9,7 @@ use super::rows::Rows;
 use super::{Buffer, DeviceContext};
 use crate::error::Result;
 use crate::parallel;
+use crate::ray_order::SortRoom;
 use crate::shared::{Hit, TraceRay};
 use crate::tracer::{RayStream, TraceJob, TraceResult, rays_in_caches, take_in_pieces};
 use std::ops::Range;
@@ -20,6 +21,7 @@ pub(super) struct Place {
     deferred: Deferred,
     /// Of the part before.
     rows: Rows,
+    sort_room: SortRoom,
 }
 
 impl Place {
@@ -31,6 +33,7 @@ impl Place {
             hits: Buffer::empty(context, "hits", rays)?,
             deferred: Deferred::new(context, defers, rays)?,
             rows: Rows::default(),
+            sort_room: SortRoom::default(),
         })
     }
 
@@ -47,7 +50,7 @@ impl Place {
         order: &Order,
         mut trace: impl FnMut(&DeviceBatch, Range<usize>) -> Result<f64>,
     ) -> Result<TraceResult> {
-        let Place { rays, hits, deferred, rows } = self;
+        let Place { rays, hits, deferred, rows, sort_room } = self;
         let before = deferred.resolved();
         let (mut kernel_s, mut sort_s) = (0.0, None);
         for first in (0..stream.count).step_by(rays_of_part(stream)) {
@@ -58,7 +61,7 @@ impl Place {
                 });
                 let any_hit = stream.any_hit;
                 let job = TraceJob { rays: made, next_directions: None, extreme: &[], any_hit, repeat: 1 };
-                let sorted = order.of(&job)?;
+                let sorted = order.of(&job, sort_room)?;
                 match &sorted {
                     Some(sorted) => *sort_s.get_or_insert(0.0) += sorted.sort_s,
                     None => *rows = rows.find_after(job.rays),

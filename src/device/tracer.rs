@@ -24,7 +24,7 @@ use crate::io::film::Film;
 use crate::layout::Float4;
 use crate::options::{Decisions, Intersector, Kernels, Memory, PacketSize, RayOrder, TraceOptions};
 use crate::pack::SceneBuffers;
-use crate::ray_order::Sorted;
+use crate::ray_order::{SortRoom, Sorted};
 use crate::reference::extreme::{all_extreme, answer_extreme};
 use crate::shared::{CameraSample, Hit, Light, RenderParams};
 use crate::tracer::{
@@ -295,7 +295,7 @@ impl Backend for OpenClBackend {
 
     fn trace(&mut self, job: &TraceJob, progress: Progress) -> Result<TraceResult> {
         self.prepare(Task::Batch)?;
-        let order = self.order().of(job)?;
+        let order = self.order().of(job, &mut SortRoom::default())?;
         let mut result = self.trace_batch(job, order, progress)?;
         answer_extreme(job, &self.options, &self.buffers, &mut result);
         Ok(result)

@@ -5,8 +5,8 @@
 use super::shade::camera::{camera_direction, camera_sample, first_of_path};
 use super::shade::local_light::texture_colour;
 use super::shade::surface::{Surface, surface_at, surface_hit};
-use super::shared::fma::with_fma;
 use super::shared::math::{max_or, normalize3};
+use crate::fma::with_fma;
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
 use crate::shared::{CameraSample, Hit, NO_PRIMITIVE, NO_TEXTURE, RenderParams, SurfaceHit, TraceRay};

@@ -15,12 +15,13 @@ pub mod traverse;
 
 use crate::bounds::MOST_CANDIDATES;
 use crate::error::{Error, Result};
+use crate::fma::with_fma;
 use crate::io::film::Film;
 use crate::layout::Float4;
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
 use crate::parallel;
-use crate::ray_order::{go_far, sorted, trace_sorted};
+use crate::ray_order::{SortRoom, go_far, sorted, trace_sorted};
 use crate::shared::{COUNTERS, CameraSample, Light, RenderParams, TextureRequest};
 use crate::tracer::{
     AllHits, AllHitsJob, Backend, Candidates, CandidatesJob, Progress, RenderResult, TraceJob, TraceResult,
@@ -33,7 +34,6 @@ use kernels::list_hits::list_hits;
 use kernels::render::{PixelRow, render_row};
 use kernels::trace::{trace_chunk, trace_next_chunk};
 use shade::local_light::requested_colour;
-use shared::fma::with_fma;
 use shared::ray::NO_HIT;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -122,7 +122,8 @@ impl Backend for ReferenceBackend {
         let trial = |job: &TraceJob, options| Self::new(self.buffers.clone(), options).trace_batch(job, &|_| ());
         let trace = |job: &TraceJob| self.trace_batch(job, progress);
         let go_far = || go_far(job, &self.options, trial);
-        let mut result = match sorted(job.rays, self.options.ray_order, &self.buffers.params, pays, go_far)? {
+        let (asked, params, mut room) = (self.options.ray_order, &self.buffers.params, SortRoom::default());
+        let mut result = match sorted(job.rays, asked, params, pays, go_far, &mut room)? {
             Some(sorted) => trace_sorted(job, &sorted, trace)?,
             None => trace(job)?,
         };

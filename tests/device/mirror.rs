@@ -26,7 +26,6 @@ const WITHOUT_TWIN: &[(&str, &str)] = &[
     ("cl/kernels/trace_packets.cl", "sixteen rays at a time, with the answers of trace.cl"),
     ("cl/kernels/wavefront.cl", "several kernels, with the answers of render.cl"),
     ("src/reference/shared/memory.rs", "the folder cl/memory/, most of which is about where arrays lie"),
-    ("src/reference/shared/fma.rs", "the processor's instruction; kernels have fma()"),
 ];
 
 /// The names of the files of a folder without `.cl` or `.rs`.

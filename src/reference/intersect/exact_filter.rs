@@ -4,7 +4,7 @@ use super::edges::Edges;
 use super::moller_trumbore::Intersection;
 use super::watertight::ShearedTriangle;
 use crate::bounds::EPSILON;
-use crate::reference::shared::fma::with_fma;
+use crate::fma::with_fma;
 use crate::reference::shared::math::{abs3, dot3, fma3, max_or, min_or};
 use crate::reference::shared::ray::Ray;
 use crate::shared::Hit;

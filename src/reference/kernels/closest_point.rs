@@ -1,11 +1,11 @@
 //! Twin of `cl/kernels/closest_point.cl`: which triangles may be the nearest one of a point. The reasons are there.
 
 use crate::bounds::{BOX_DISTANCE_DOWN, BOX_LIMIT_UP, DISTANCE_ERROR, LEAST_DISTANCE_ERROR, MOST_CANDIDATES};
+use crate::fma::with_fma;
 use crate::layout::Float4;
 use crate::math::{abs3, clamp01, cross3, dot3, fma3, is_finite3, max_or, min_or, scale_to_unit};
 use crate::options::TraceOptions;
 use crate::pack::PointScene;
-use crate::reference::shared::fma::with_fma;
 use crate::shared::{BVH_COUNT_SHIFT, BVH_FIRST_MASK, BVH_LEAF, BVH_NODE_RECORDS, KdNode};
 use glam::Vec3;
 

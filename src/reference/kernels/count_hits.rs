@@ -1,8 +1,8 @@
 //! Twin of `cl/kernels/count_hits.cl`: how many hits rays have. The reasons are there.
 
+use crate::fma::with_fma;
 use crate::options::{Intersector, TraceOptions};
 use crate::pack::SceneBuffers;
-use crate::reference::shared::fma::with_fma;
 use crate::reference::shared::math::{max_or, min_or};
 use crate::reference::shared::memory::{NoWork, Work};
 use crate::reference::shared::ray::Ray;

@@ -1,8 +1,8 @@
 //! Twin of `cl/kernels/list_hits.cl`: the hits of rays, the closest first. The reasons are there.
 
+use crate::fma::with_fma;
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
-use crate::reference::shared::fma::with_fma;
 use crate::reference::shared::memory::HitList;
 use crate::reference::shared::ray::NO_HIT;
 use crate::reference::traverse::batch::batch_ray;

@@ -1,5 +1,6 @@
 //! Twin of `cl/kernels/render.cl`: the colour of one pixel. The reasons are there.
 
+use crate::fma::with_fma;
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
 use crate::reference::shade::camera::{camera_sample, count_ray, first_of_path};
@@ -9,7 +10,6 @@ use crate::reference::shade::roulette::Killing;
 use crate::reference::shade::scene::background;
 use crate::reference::shade::surface::{Surface, lift_point, surface_at, surface_hit};
 use crate::reference::shade::whitted::{PendingRay, RayKind, push_secondary_rays};
-use crate::reference::shared::fma::with_fma;
 use crate::reference::shared::math::{max_component, normalize3};
 use crate::reference::shared::memory::{NoWork, Work};
 use crate::reference::traverse::query::closest_hit;

@@ -1,10 +1,10 @@
 //! Twin of `cl/kernels/trace.cl`: batches of rays. The reasons are there.
 
+use crate::fma::with_fma;
 use crate::layout::Float4;
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
 use crate::reference::shade::surface::{leave_surface, surface_hit, surface_point};
-use crate::reference::shared::fma::with_fma;
 use crate::reference::shared::memory::{NoWork, Work};
 use crate::reference::shared::ray::NO_HIT;
 use crate::reference::traverse::batch::{batch_hit, batch_ray, trace_batch, use_callers_units};

@@ -1,7 +1,7 @@
 //! Twin of `cl/shared/instances.cl`: triangles of objects, placed when they are read. The reasons are there.
 
-use super::fma::with_fma;
 use super::math::unit_normals;
+use crate::fma::with_fma;
 use crate::layout::Float4;
 use crate::pack::SceneBuffers;
 use crate::scene::{row_times_direction, row_times_point};

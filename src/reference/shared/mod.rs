@@ -1,6 +1,5 @@
 //! Twins of `cl/shared/`, file for file: arithmetic, rays, and what traversals read. The reasons are there.
 
-pub(super) mod fma;
 pub mod hash;
 pub mod instances;
 pub mod integer;

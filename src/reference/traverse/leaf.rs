@@ -1,11 +1,11 @@
 //! Twin of `cl/traverse/leaf.cl`: the triangles of a leaf. The reasons are there.
 
 use super::finish;
+use crate::fma::with_fma;
 use crate::options::{Intersector, TraceOptions};
 use crate::pack::SceneBuffers;
 use crate::reference::intersect::exact::test_exactly;
 use crate::reference::intersect::intersect;
-use crate::reference::shared::fma::with_fma;
 use crate::reference::shared::memory::{NoWork, Work, load_reference};
 use crate::reference::shared::ray::{Ray, no_hit_yet};
 use crate::shared::{Hit, KdNode, NO_PRIMITIVE, WorkCounter};

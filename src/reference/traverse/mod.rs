@@ -20,9 +20,9 @@ pub mod spheres;
 mod thesis_restart;
 
 use super::intersect::exact::finish_exactly;
-use super::shared::fma::with_fma;
 use super::shared::memory::Work;
 use super::shared::ray::Ray;
+use crate::fma::with_fma;
 use crate::options::{Intersector, StructureKind, TraceOptions, Traversal};
 use crate::pack::SceneBuffers;
 use crate::shared::Hit;
