@@ -39,11 +39,12 @@ const NEAR: usize = PacketSize::Sixteen.rays() / 2;
 const NEARER: f32 = 0.5;
 /// How many rays of a shuffled batch are traced beforehand, on the reference, to find out what they take.
 const TRIAL_RAYS: usize = 64;
-/// Batches whose rays take fewer steps through a hierarchy of eight boxes a node leave the scene too soon to repay
-/// their sorting. On two cores with PoCL, kept and sorted, with the sorting, milliseconds: a million camera rays
-/// through bunny (3.9 steps) 79 and 47, sponza (2.1) 48 and 39, gears (2.0) 36 and 41; 428 thousand of bunny's shadow
-/// rays (7.0) 44 and 21, 622 thousand of gears' (1.7) 13 and 23. About two steps either is the faster.
-const FEWEST_STEPS: f64 = 3.0;
+/// Batches whose rays visit fewer nodes of a hierarchy of eight boxes a node leave the scene too soon to repay their
+/// sorting. On two cores with PoCL, kept and sorted, with the sorting, milliseconds in Python: a million shuffled
+/// camera rays through bunny (4.7 nodes) 106 and 63, through a bunny that fills a fifth of the picture (2.7) 57 and 48,
+/// through sponza (3.3) 68 and 45, and gears (2.6) 54 and 51; 428 thousand of bunny's shadow rays (8) 57 and 30, 622
+/// thousand of gears' (1.9) 26 and 28, 684 thousand of sponza's (1.2) 14 and 25.
+const FEWEST_VISITS: f64 = 2.5;
 /// So many rays of a batch are sorted to find out whether sorting makes neighbours of them.
 const SORTED_SAMPLES: usize = 4096;
 /// Those next to each other are then at most this part as far apart as any two. Of camera and shadow rays it is 0.03.
@@ -121,7 +122,7 @@ pub(crate) fn trace_sorted(
     Ok(result)
 }
 
-/// Whether rays take so many steps of the traversal that sorting pays: a few of them, which `trace` traces and counts.
+/// Whether rays visit so many nodes that sorting pays: a few of them, which `trace` traces and counts.
 ///
 /// # Errors
 /// Those of `trace`.
@@ -133,8 +134,8 @@ pub(crate) fn go_far(
     let rays = some_of(job.rays, TRIAL_RAYS);
     let options = TraceOptions { ray_order: RayOrder::Kept, counters: true, ..*options };
     let trial = TraceJob { extreme: &[], rays: &rays, next_directions: None, any_hit: job.any_hit, repeat: 1 };
-    let work = trace(&trial, options)?.work;
-    Ok(WorkSum::new(rays.len() as u64, work.unwrap_or_default()).mean(WorkCounter::Steps) >= FEWEST_STEPS)
+    let work = WorkSum::new(rays.len() as u64, trace(&trial, options)?.work.unwrap_or_default());
+    Ok(work.mean(WorkCounter::Steps) + work.mean(WorkCounter::Leaves) >= FEWEST_VISITS)
 }
 
 /// Up to `most` rays of a batch, evenly spread over it.

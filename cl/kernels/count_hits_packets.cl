@@ -50,6 +50,7 @@ __kernel void count_hits_packets(GEOMETRY_ARGUMENTS, __global const TraceRay* re
     TRAVERSAL_STATE
     const Geometry geometry = MAKE_GEOMETRY;
     const BatchTile batch = {rays, sorted, tile_at(item, row, in_bands)};
+    prefetch_rays(&batch, item, end);
     int16 answered[PACKETS_OF_ITEM];
     count_together(GEOMETRY_AT(&geometry), &batch, counts, most, (1u << full_squares(end - item)) - 1u, answered);
     for (uint k = 0; k < PACKETS_OF_ITEM; k++) {

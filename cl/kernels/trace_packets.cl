@@ -90,6 +90,7 @@ __kernel void trace_closest_packets(GEOMETRY_ARGUMENTS, __global const TraceRay*
     TRAVERSAL_STATE
     const Geometry geometry = MAKE_GEOMETRY;
     const BatchTile batch = {rays, sorted, tile_at(item, row, in_bands)};
+    prefetch_rays(&batch, item, end);
     trace_tile(GEOMETRY_AT(&geometry), deferred, &batch, hits, end - item, false);
 }
 
@@ -101,5 +102,6 @@ __kernel void trace_any_packets(GEOMETRY_ARGUMENTS, __global const TraceRay* res
     TRAVERSAL_STATE
     const Geometry geometry = MAKE_GEOMETRY;
     const BatchTile batch = {rays, sorted, tile_at(item, row, in_bands)};
+    prefetch_rays(&batch, item, end);
     trace_tile(GEOMETRY_AT(&geometry), deferred, &batch, hits, end - item, true);
 }

@@ -13,6 +13,14 @@ uint ray_in_square(const BatchTile* batch, uint square, uint lane) {
     return batch->sorted != NULL ? batch->sorted[place] : place;
 }
 
+// Asks for the rays of the next work-item, where they are sorted: they lie anywhere. From number `item` on there are
+// this one's.
+void prefetch_rays(const BatchTile* batch, uint item, uint end) {
+    if (batch->sorted == NULL) return;
+    for (uint i = item + 16u * PACKETS_OF_ITEM; i < min(item + 32u * PACKETS_OF_ITEM, end); i++)
+        PREFETCH(batch->rays + batch->sorted[i]);
+}
+
 // How many squares of a work-item with `count` rays are full: those are packets.
 uint full_squares(uint count) { return min(count / 16u, PACKETS_OF_ITEM); }
 

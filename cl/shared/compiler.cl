@@ -42,6 +42,14 @@
 #define ONE_COPY
 #endif
 
+// Asks for memory that is read soon, where that is a processor's instruction: its own guesses end with the order of
+// addresses. OpenCL's prefetch() does nothing in PoCL.
+#if defined(__clang__) && (defined(__x86_64__) || defined(__aarch64__))
+#define PREFETCH(pointer) __builtin_prefetch((const void*)(uintptr_t)(pointer))
+#else
+#define PREFETCH(pointer)
+#endif
+
 // PoCL tells the user's terminal how many warnings there were; these two are about nothing.
 #if defined(__clang__) && defined(__has_warning)
 // Sixteen lanes are passed in two registers without AVX-512: no other compiler calls these functions.
