@@ -207,7 +207,8 @@ fn device_and_twin_agree_to_the_bit() {
             assert_eq!(got.kernel_s.len(), 1);
 
             // Kernels of their own, which go the same way.
-            if let (Some(got), Some(expected)) = (got.next_hits, expected.next_hits) {
+            if next.is_some() {
+                let (got, expected) = (got.next_hits.unwrap(), expected.next_hits.unwrap());
                 assert_same(&format!("{name}, next"), &queries, &got, &expected);
             }
             if !is_usually_taken(3, number) {
