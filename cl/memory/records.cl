@@ -75,6 +75,24 @@ uint word_of(int4 record, uint i) {
 #define LOAD_VERTEX(geometry, slot, corner) \
     COUNTED(geometry, TRIANGLE_BYTES, sizeof(float4), TRIANGLE_VERTEX(geometry, slot, corner))
 
+// Asks for records that are read soon, where they lie where a program can ask for them.
+void ask_for_records(__global const void* first, uint count) {
+#pragma unroll
+    for (uint i = 0; i < count; i += 4u) PREFETCH((__global const float4*)first + i); // a cache line
+}
+#if defined(IMAGE) || defined(CONSTANT_NODES)
+#define ASK_FOR_NODES(geometry, record, count)
+#else
+#define ASK_FOR_NODES(geometry, record, count) ask_for_records((geometry)->nodes + (record), count)
+#endif
+#ifdef IMAGE
+#define ASK_FOR_BOUNDS(geometry, record, count)
+#define ASK_FOR_REFERENCE(geometry, index)
+#else
+#define ASK_FOR_BOUNDS(geometry, record, count) ask_for_records((geometry)->bounds + (record), count)
+#define ASK_FOR_REFERENCE(geometry, index) PREFETCH((geometry)->references + (index))
+#endif
+
 // Where the data for testing reference `index` of triangle `primitive` lies: what the triangle tests call the slot.
 #ifdef LEAF_ORDER
 #define SLOT_OF(index, primitive) (index)

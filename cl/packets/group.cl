@@ -205,13 +205,18 @@ void traverse_bvh8_packets(GEOMETRY_PARAMETERS, RayPacket* packets, const uint m
                                 first_leaf_tells(&range.rays, any_hit), hits))
             return;
     }
+    WaitingRays strangers;
+    strangers.members = 0u;
     for (uint rest = members; rest != 0u; rest &= rest - 1u) {
         const uint k = first_member(rest);
         range_of(packets, 1u << k, &range);
         add_slabs(&packets[k], &range, geometry->low, geometry->high, geometry->near_reach);
-        if (are_strangers(GEOMETRY, &packets[k], &range.rays))
-            traverse_bvh8_strangers(GEOMETRY, &packets[k], any_hit, &hits[k]);
-        else
+        if (!are_strangers(GEOMETRY, &packets[k], &range.rays)) {
             traverse_bvh8_packet(GEOMETRY, &packets[k], &range.rays, any_hit, &hits[k]);
+            continue;
+        }
+        strangers.lanes[k] = lanes_in_root(GEOMETRY, &packets[k], hits[k].t_limit);
+        if (strangers.lanes[k] != 0ul) strangers.members |= 1u << k;
     }
+    if (strangers.members != 0u) trace_in_turn(GEOMETRY, packets, &strangers, any_hit, hits);
 }

@@ -126,6 +126,7 @@ fn assert_answers(
 #[test]
 fn packets_find_the_hits_of_single_rays() {
     let Some(device) = device() else { return };
+    let far = device.clone().with_compiler_options("-cl-opt-disable -D MANY_REFERENCES=0u").unwrap();
     let mut random = Random::new(SEED);
     let mut hits = 0;
     // Triangles of all sizes, some without area, so many that the hierarchy is several levels deep; shared edges; one
@@ -144,6 +145,8 @@ fn packets_find_the_hits_of_single_rays() {
         rays.extend(bundles(1600, 32, &mut random));
         rays.extend(scattered(1600, &triangles, &mut random));
         hits += assert_answers(&device, &PACKETS, &triangles, &rays)[0];
+        // As in structures that are far from a processor's cores, where leaves wait for their turn.
+        assert_answers(&far, &PACKETS, &triangles, &rays);
         // As it is built for packets, with leaves of several packets of triangles, and deep with small ones.
         for kd in [
             KD,
