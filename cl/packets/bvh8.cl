@@ -55,8 +55,8 @@ void trace_single_ray(GEOMETRY_PARAMETERS, const RayPacket* p, uint lane, uint l
     uint stacked = 0;
     while (link != BVH_END) {
         if ((link & BVH_LEAF) == 0u) {
-            link = next_after_node(GEOMETRY, &ray.line.slabs, near, link, ray.line.t_near, ray.t_limit, stack,
-                                   &stacked);
+            link = next_after_node(GEOMETRY, &ray.line.slabs, near, link, ray.line.t_near, ray.t_limit,
+                                   ANY_ORDER(any_hit), stack, &stacked);
             continue;
         }
         const int4 leaf = leaf_of_link(link);
@@ -131,8 +131,8 @@ INLINE void take_turn(GEOMETRY_PARAMETERS, const RayPacket* packets, WaitingRays
                       const bool any_hit, PacketHits* hits, RayInTurn* r) {
     bool is_over = false; // its turn
     if ((r->link & BVH_LEAF) == 0u) {
-        r->link = next_of_children(GEOMETRY, BVH8_NODE_RECORDS * r->link, r->met, r->enter, r->ray.t_limit, r->stack,
-                                   &r->stacked);
+        r->link = next_of_children(GEOMETRY, BVH8_NODE_RECORDS * r->link, r->met, r->enter, r->ray.t_limit,
+                                   ANY_ORDER(any_hit), r->stack, &r->stacked);
         is_over = leaves_wait;
     }
     while (r->lane != NO_LANE && (r->link & BVH_LEAF) != 0u) {
@@ -186,10 +186,10 @@ void trace_in_turn(GEOMETRY_PARAMETERS, const RayPacket* packets, WaitingRays* w
     }
 }
 
-// The children of a node that rays enter, in `slots`, the farthest first; when they do in `t_enter`. Returns how many
-// there are.
-uint children_of_packet(GEOMETRY_PARAMETERS, const RayPacket* p, uint node, float16 t_limit, uint* slots,
-                        float16* t_enter) {
+// The children of a node that rays enter, in `slots`, the farthest first, or with any_order in theirs; when they do in
+// `t_enter`. Returns how many there are.
+uint children_of_packet(GEOMETRY_PARAMETERS, const RayPacket* p, uint node, float16 t_limit, const bool any_order,
+                        uint* slots, float16* t_enter) {
     float order[8];
 #pragma unroll
     for (uint slot = 0; slot < 8u; slot++) t_enter[slot] = clip_packet(GEOMETRY, p, node, slot, t_limit);
@@ -200,7 +200,8 @@ uint children_of_packet(GEOMETRY_PARAMETERS, const RayPacket* p, uint node, floa
     for (ulong met = lanes_where8(first < INFINITY); met != 0ul; met = other_lanes8(met)) {
         const uint slot = first_lane8(met);
         uint place = count++;
-        for (; place > 0u && order[slots[place - 1u]] < order[slot]; place--) slots[place] = slots[place - 1u];
+        if (!any_order)
+            for (; place > 0u && order[slots[place - 1u]] < order[slot]; place--) slots[place] = slots[place - 1u];
         slots[place] = slot;
     }
     return count;
@@ -250,7 +251,7 @@ void traverse_bvh8_packet(GEOMETRY_PARAMETERS, const RayPacket* p, const RayRang
             const uint node = BVH8_NODE_RECORDS * link;
             uint slots[8];
             float16 t_enter[8];
-            const uint count = children_of_packet(GEOMETRY, p, node, hits->t_limit, slots, t_enter);
+            const uint count = children_of_packet(GEOMETRY, p, node, hits->t_limit, ANY_ORDER(any_hit), slots, t_enter);
             for (uint i = 0; i < count; i++, stacked++) {
                 stack[stacked].t_enter = t_enter[slots[i]];
                 stack[stacked].link = LOAD_LINK(geometry, node, slots[i]);

@@ -129,8 +129,9 @@ bool traverse_bvh8_group(GEOMETRY_PARAMETERS, RayPacket* packets, const PacketRa
                                           lane_of8(&nearest, slot)};
                 met &= ~(0xfful << (8u * slot));
                 uint place = stacked++;
-                for (; place > lowest && stack[place - 1u].nearest < child.nearest; place--)
-                    stack[place] = stack[place - 1u];
+                if (!ANY_ORDER(any_hit))
+                    for (; place > lowest && stack[place - 1u].nearest < child.nearest; place--)
+                        stack[place] = stack[place - 1u];
                 stack[place] = child;
             }
         } else {

@@ -27,6 +27,12 @@
 #else
 #define PACKET_HITS exactly
 #endif
+// Whether children are met in their own order, which is best for any hit, and not the nearest first.
+#ifdef COUNT_HITS
+#define ANY_ORDER(any_hit) true // all are met
+#else
+#define ANY_ORDER(any_hit) (any_hit)
+#endif
 #define LeafTriangles JOIN(LeafTriangles_, PACKET_HITS)
 #define load_triangles JOIN(load_triangles_, PACKET_HITS)
 #define PacketHits JOIN(PacketHits_, PACKET_HITS)

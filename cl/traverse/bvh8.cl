@@ -53,9 +53,20 @@ uint3 near_planes(float3 inv) {
 }
 
 // What comes after the inner node `node`, of whose children a ray meets those of `met` and enters them at `enter`: the
-// nearest of them, while the others wait, or what waited before.
+// nearest of them, or with any_hit the last one, while the others wait; or what waited before.
 INLINE uint next_of_children(GEOMETRY_PARAMETERS, uint node, ulong met, const float* enter, float t_limit,
-                             FarChild* stack, uint* stacked) {
+                             const bool any_hit, FarChild* stack, uint* stacked) {
+    if (any_hit && met != 0ul) {
+        uint lane = first_lane8(met), top = *stacked;
+        for (met = other_lanes8(met); met != 0ul; met = other_lanes8(met)) {
+            const FarChild child = {LOAD_LINK(geometry, node, lane), enter[lane]};
+            stack[++top] = child;
+            lane = first_lane8(met);
+        }
+        if (top != *stacked) COUNT_DEEPEST(geometry, top + 1u);
+        *stacked = top;
+        return LOAD_LINK(geometry, node, lane);
+    }
     if (met != 0ul) { // one or two children, the most frequent cases, without a loop
         const uint lane0 = first_lane8(met);
         if (is_only_lane8(met, lane0)) return LOAD_LINK(geometry, node, lane0);
@@ -87,13 +98,13 @@ INLINE uint next_of_children(GEOMETRY_PARAMETERS, uint node, ulong met, const fl
 
 // What comes after the inner node `link`, as next_of_children().
 INLINE uint next_after_node(GEOMETRY_PARAMETERS, const Slabs* slabs, uint3 near, uint link, float t_near, float t_limit,
-                            FarChild* stack, uint* stacked) {
+                            const bool any_hit, FarChild* stack, uint* stacked) {
     COUNT(geometry, STEPS, 1);
     const uint node = BVH8_NODE_RECORDS * link;
     const Interval8 t = clip_to_eight(GEOMETRY, slabs, near, node, t_near, t_limit);
     float enter[8];
     vstore8(t.enter, 0, enter);
-    return next_of_children(GEOMETRY, node, lanes_where8(t.enter <= t.leave), enter, t_limit, stack, stacked);
+    return next_of_children(GEOMETRY, node, lanes_where8(t.enter <= t.leave), enter, t_limit, any_hit, stack, stacked);
 }
 
 bool traverse_bvh8(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit* hit) {
@@ -109,7 +120,7 @@ bool traverse_bvh8(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit*
     uint link = 0;
     while (link != BVH_END) {
         if ((link & BVH_LEAF) == 0u) {
-            link = next_after_node(GEOMETRY, &slabs, near, link, ray->t_near, hit->t, stack, &stacked);
+            link = next_after_node(GEOMETRY, &slabs, near, link, ray->t_near, hit->t, any_hit, stack, &stacked);
             continue;
         }
         const int4 leaf = leaf_of_link(link);

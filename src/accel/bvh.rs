@@ -24,6 +24,7 @@ mod reinsert;
 mod spatial;
 mod sweep;
 mod weigh;
+mod worth;
 
 use super::subtree::ascending;
 use super::{Aabb, BuildOptions};
@@ -36,6 +37,7 @@ use object::ObjectSplit;
 pub use refit::{KeptBvh, tree_of};
 use spatial::SpatialSplit;
 pub use weigh::SplitsChosen;
+pub(super) use worth::worths;
 
 /// A node of a [`Bvh`].
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -13,9 +13,12 @@
 //!        bit 31 set     a leaf: bits 0-26 its first reference, a multiple of eight, bits 27-30 how many there are
 //! ```
 //!
+//! Of the children that is the last which is best searched first where any hit will do (`bvh/worth.rs`), and the first
+//! the worst.
+//!
 //! A leaf's triangles are in `bounds`, too: `leaf_packets.rs`.
 
-use super::bvh::Bvh;
+use super::bvh::{Bvh, worths};
 use super::bvh2::FAR;
 use super::leaf_packets::{WIDTH, pack, push_leaf};
 use super::link::{self, NO_CHILD, leaf_link};
@@ -69,12 +72,15 @@ fn pack_leaves(tree: &Bvh, vertices: &[[Vec3; 3]], padding: Padding, most_leaves
     // Inner nodes of the binary tree whose wide node is still to be written: number, index, depth.
     let mut open = vec![(0, 0, 1)];
     let mut numbered = 1;
+    let worths = worths(tree, vertices);
     while let Some((number, index, depth)) = open.pop() {
         deepest = deepest.max(depth);
         let mut boxes = [NOWHERE; WIDTH];
         let mut links = [NO_CHILD; WIDTH];
         let first_open = open.len();
-        for (slot, child) in children(tree, index).into_iter().enumerate() {
+        let mut children = children(tree, index);
+        children.sort_by(|&a, &b| worths[a].total_cmp(&worths[b]));
+        for (slot, child) in children.into_iter().enumerate() {
             boxes[slot] = padding.around(tree.nodes[child].bounds);
             links[slot] = if tree.nodes[child].is_leaf() {
                 let triangles = tree.triangles(child);
@@ -168,6 +174,20 @@ mod tests {
         assert!(error.to_string().ends_with("; take `structure = bvh2`"), "{error}");
         let last = WIDTH * (MAX_LEAVES - 1);
         assert_eq!(leaf_range(leaf_link(last as u32, WIDTH as u32)), Some(last..last + WIDTH));
+    }
+
+    /// Rays for which any hit will do go to the last of the children first.
+    #[test]
+    fn a_wall_behind_small_triangles_is_the_last_child() {
+        let (_, mut vertices) = tree(500, None);
+        vertices.push([Vec3::new(-200.0, -200.0, 99.0), Vec3::new(400.0, -200.0, 99.0), Vec3::new(50.0, 500.0, 99.0)]);
+        let primitives: Vec<_> = (0..vertices.len() as u32).collect();
+        let options = BuildOptions::bvh(&BvhOptions::DEFAULT, StructureKind::Bvh8);
+        let tree = build_bvh(&vertices, &primitives, &options).unwrap();
+        let Bvh8 { structure, .. } = pack_bvh8(&tree, &vertices, Padding::from(0.0)).unwrap();
+        let words: &[u32] = bytemuck::cast_slice(&structure.nodes);
+        let last = leaf_range(words[4 * BVH8_LINKS as usize + WIDTH - 1]).expect("a leaf");
+        assert!(structure.references[last].contains(&500));
     }
 
     #[test]

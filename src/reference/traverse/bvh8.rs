@@ -78,7 +78,7 @@ pub fn traverse_bvh8(
             for child in (0..WIDTH).filter(is_met).map(child) {
                 stacked += 1;
                 let mut place = stacked;
-                while place > lowest && stack[place - 1].t_enter <= child.t_enter {
+                while !any_hit && place > lowest && stack[place - 1].t_enter <= child.t_enter {
                     stack[place] = stack[place - 1];
                     place -= 1;
                 }
