@@ -16,12 +16,12 @@
 #define STACK_SIZE 64 // at least the depth of the tree and one; the host knows it
 #endif
 
-// Descends to a leaf, nearer children first, and remembers the links of the far ones. The link of the leaf, or the end.
-// Where they are entered is not remembered: what lies behind a hit by now is looked at all the same, a node, a leaf's
-// triangles or an instance, but the stack, which is in memory, is half as large (an H200 traces 1.01 to 1.07 times as
-// fast, and scenes/flake.toml's instances as fast). by_bits: see clip_to_pair().
+// Descends to a leaf, nearer children first, or with any_hit child 0, and remembers the links of the others. The link
+// of the leaf, or the end. Where they are entered is not remembered: what lies behind a hit by now is looked at all the
+// same, a node, a leaf's triangles or an instance, but the stack, which is in memory, is half as large (an H200 traces
+// 1.01 to 1.07 times as fast, and scenes/flake.toml's instances as fast). by_bits: see clip_to_pair().
 INLINE uint descend_to_leaf(GEOMETRY_PARAMETERS, const PairSlabs* pair, float t_near, float t_limit,
-                            const bool by_bits, uint* stack, uint* stacked, uint link) {
+                            const bool by_bits, const bool any_hit, uint* stack, uint* stacked, uint link) {
     while ((link & BVH_LEAF) == 0u) {
         COUNT(geometry, STEPS, 1);
         const uint first = BVH_NODE_RECORDS * link;
@@ -34,7 +34,7 @@ INLINE uint descend_to_leaf(GEOMETRY_PARAMETERS, const PairSlabs* pair, float t_
         const float4 zz = as_float4((int4)(links.zw, z1.xy));
         const float4 t = clip_to_pair(pair, t_near, t_limit, by_bits, xy0, xy1, zz);
         const bool meets0 = t.x <= -t.y, meets1 = t.z <= -t.w;
-        const bool goes_to1 = meets1 && (!meets0 || t.z < t.x);
+        const bool goes_to1 = meets1 && (!meets0 || (!any_hit && t.z < t.x));
         const bool goes_back = !(meets0 || meets1);
         link = goes_back ? last : (uint)(goes_to1 ? links.y : links.x);
         if (goes_back) --*stacked;
@@ -47,11 +47,11 @@ INLINE uint descend_to_leaf(GEOMETRY_PARAMETERS, const PairSlabs* pair, float t_
 }
 
 // descend_to_leaf() for rays from far away, which want a padding, and those that look for hits behind their start.
-INLINE uint descend_with_padding(GEOMETRY_PARAMETERS, const Ray* ray, float t_limit, uint* stack, uint* stacked,
-                                 uint link) {
+INLINE uint descend_with_padding(GEOMETRY_PARAMETERS, const Ray* ray, float t_limit, const bool any_hit, uint* stack,
+                                 uint* stacked, uint link) {
     const Slabs slabs = make_slabs(ray, geometry->low, geometry->high, geometry->near_reach);
     const PairSlabs pair = make_pair_slabs(&slabs);
-    return descend_to_leaf(GEOMETRY, &pair, ray->t_near, t_limit, false, stack, stacked, link);
+    return descend_to_leaf(GEOMETRY, &pair, ray->t_near, t_limit, false, any_hit, stack, stacked, link);
 }
 
 bool traverse_bvh2(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit* hit) {
@@ -68,8 +68,8 @@ bool traverse_bvh2(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit*
     uint link = 0;
     while (true) {
         link = needs_no_padding
-                   ? descend_to_leaf(GEOMETRY, &pair, ray->t_near, hit->t, true, stack, &stacked, link)
-                   : descend_with_padding(GEOMETRY, ray, hit->t, stack, &stacked, link);
+                   ? descend_to_leaf(GEOMETRY, &pair, ray->t_near, hit->t, true, any_hit, stack, &stacked, link)
+                   : descend_with_padding(GEOMETRY, ray, hit->t, any_hit, stack, &stacked, link);
         if (link == BVH_END) return hit->primitive != NO_PRIMITIVE;
 
         if (test_leaf(GEOMETRY, ray, leaf_of_link(link), any_hit, hit)) return true;

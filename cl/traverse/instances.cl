@@ -27,7 +27,7 @@ bool traverse_instances(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit,
     uint stacked = 0; // apart from the end
     uint link = 0;
     while (true) {
-        link = descend_to_leaf(GEOMETRY, &pair, ray->t_near, hit->t, false, stack, &stacked, link);
+        link = descend_to_leaf(GEOMETRY, &pair, ray->t_near, hit->t, false, any_hit, stack, &stacked, link);
         if (link == BVH_END) return hit->primitive != NO_PRIMITIVE;
 
         if (is_instance(link)) {

@@ -21,10 +21,12 @@
 //! Links lie among numbers of boxes: beside each other alone, a GPU's compiler moves their load behind the tests, and
 //! its time adds to each step's.
 //!
+//! Child 0 is the one that is best searched first where any hit will do (`bvh/worth.rs`).
+//!
 //! A node of which there is only one child, the root of a tree of one leaf, has a leaf without triangles for the other,
 //! in a box that no ray enters.
 
-use super::bvh::{Bvh, MAX_TRIANGLES, check_triangle_count};
+use super::bvh::{Bvh, MAX_TRIANGLES, check_triangle_count, worths};
 use super::link::{self, NO_CHILD, leaf_link, leaf_range};
 use super::{Aabb, Padding, StructureArrays};
 use crate::error::Result;
@@ -68,13 +70,18 @@ fn rounded_up(x: f64) -> f32 {
     if f64::from(rounded) < x { rounded.next_up() } else { rounded }
 }
 
-/// Packs `tree`, depth first as it is, but for its `top` uppermost nodes (level by level), which come before all
-/// others; its boxes larger by their `padding` on all sides.
+/// Packs `tree`, of the triangles `vertices`, depth first as it is, but for its `top` uppermost nodes (level by level),
+/// which come before all others; its boxes larger by their `padding` on all sides.
 ///
 /// # Errors
 /// [`Error::Option`](crate::Error::Option) when a leaf has more than [`BvhOptions::MAX_LEAF`] triangles,
 /// [`Error::Scene`](crate::Error::Scene) when all leaves together have more than 2^27 - 16.
-pub fn pack_bvh2(tree: &Bvh, top: usize, padding: impl Into<Padding>) -> Result<StructureArrays> {
+pub fn pack_bvh2(
+    tree: &Bvh,
+    vertices: &[[Vec3; 3]],
+    top: usize,
+    padding: impl Into<Padding>,
+) -> Result<StructureArrays> {
     let padding = padding.into();
     check_triangle_count(tree.order.len(), MAX_TRIANGLES)?;
     tree.check_leaves(StructureKind::Bvh2, BvhOptions::MAX_LEAF)?;
@@ -95,15 +102,21 @@ pub fn pack_bvh2(tree: &Bvh, top: usize, padding: impl Into<Padding>) -> Result<
         let bounds = &tree.nodes[index].bounds;
         (Middle::new(bounds, padding.of(bounds)), links[index])
     };
+    let worths = worths(tree, vertices);
     let mut nodes = Vec::with_capacity(BVH_NODE_RECORDS as usize * order.len().max(1));
     for &index in &order {
-        nodes.extend(records(tree.children(index as usize).map(child)));
+        nodes.extend(records(by_worth(tree.children(index as usize), &worths).map(child)));
     }
     if order.is_empty() {
         let only = if tree.nodes.is_empty() { nowhere } else { child(0) };
         nodes.extend(records([only, nowhere]));
     }
     Ok(StructureArrays { nodes, references, bounds: Vec::new() })
+}
+
+/// Two children, the one of more worth first.
+fn by_worth([a, b]: [usize; 2], worths: &[f32]) -> [usize; 2] {
+    if worths[b] > worths[a] { [b, a] } else { [a, b] }
 }
 
 /// The inner nodes in their order in memory.
@@ -158,15 +171,15 @@ mod tests {
     use crate::bounds::EPSILON;
     use crate::random::Random;
 
-    fn tree(count: usize, leaf_size: u32) -> Bvh {
+    fn tree(count: usize, leaf_size: u32) -> (Bvh, Vec<[Vec3; 3]>) {
         let triangle = |i: usize| {
             let at = Vec3::new((i * 37 % 101) as f32, (i * 53 % 103) as f32, (i * 71 % 97) as f32);
             [at, at + Vec3::X, at + Vec3::Y]
         };
         let vertices: Vec<_> = (0..count).map(triangle).collect();
         let options = BvhOptions { leaf_size: Some(leaf_size), ..BvhOptions::DEFAULT };
-        build_bvh(&vertices, &(0..count as u32).collect::<Vec<_>>(), &BuildOptions::bvh(&options, StructureKind::Bvh2))
-            .unwrap()
+        let primitives: Vec<_> = (0..count as u32).collect();
+        (build_bvh(&vertices, &primitives, &BuildOptions::bvh(&options, StructureKind::Bvh2)).unwrap(), vertices)
     }
 
     /// The boxes and links of a node, from its records.
@@ -184,9 +197,10 @@ mod tests {
     #[test]
     fn links_lead_to_every_node_and_triangle_with_the_boxes_of_the_tree() {
         for (count, top) in [(0, 0), (1, 0), (2, 0), (3, 100), (500, 0), (500, 1), (500, 40), (500, 10_000)] {
-            let tree = tree(count, 4);
+            let (tree, vertices) = tree(count, 4);
             let padding = [0.0, 1e-4][count % 2];
-            let structure = pack_bvh2(&tree, top, padding).unwrap();
+            let structure = pack_bvh2(&tree, &vertices, top, padding).unwrap();
+            let worths = worths(&tree, &vertices);
             let inner = tree.nodes.iter().filter(|node| !node.is_leaf()).count();
             assert_eq!(structure.nodes.len(), 4 * inner.max(1));
             let mut seen = vec![false; count];
@@ -195,7 +209,7 @@ mod tests {
             while let Some((number, index)) = open.pop() {
                 visited += 1;
                 for (i, (bounds, link)) in children(&structure, number).into_iter().enumerate() {
-                    let child = index.map_or(0, |index| tree.children(index)[i]);
+                    let child = index.map_or(0, |index| by_worth(tree.children(index), &worths)[i]);
                     if link == NO_CHILD {
                         assert_eq!(bounds, NOWHERE);
                         continue;
@@ -214,6 +228,25 @@ mod tests {
             assert!(seen.iter().all(|&seen| seen));
             assert_eq!(leaf_counts(&structure.nodes).sum::<u32>() as usize, count);
         }
+    }
+
+    /// Rays for which any hit will do go to child 0 first.
+    #[test]
+    fn a_wall_behind_small_triangles_is_the_first_child() {
+        let (_, mut vertices) = tree(500, 4);
+        vertices.push([Vec3::new(-200.0, -200.0, 99.0), Vec3::new(400.0, -200.0, 99.0), Vec3::new(50.0, 500.0, 99.0)]);
+        let primitives: Vec<_> = (0..vertices.len() as u32).collect();
+        let options = BuildOptions::bvh(&BvhOptions::DEFAULT, StructureKind::Bvh2);
+        let tree = build_bvh(&vertices, &primitives, &options).unwrap();
+        let structure = pack_bvh2(&tree, &vertices, 0, 0.0).unwrap();
+        let mut link = 0;
+        let leaf = loop {
+            link = children(&structure, link as usize)[0].1;
+            if let Some(leaf) = leaf_range(link) {
+                break leaf;
+            }
+        };
+        assert!(structure.references[leaf].contains(&500));
     }
 
     #[test]
@@ -242,7 +275,7 @@ mod tests {
 
     #[test]
     fn what_links_have_no_room_for_is_refused() {
-        let large = pack_bvh2(&Bvh::of_one_leaf(16), 0, 0.0).map(drop).unwrap_err().to_string();
+        let large = pack_bvh2(&Bvh::of_one_leaf(16), &[[Vec3::ZERO; 3]; 16], 0, 0.0).map(drop).unwrap_err().to_string();
         assert!(large.starts_with("option leaf_size: there is a leaf of 16 triangles"), "{large}");
         let limit = MAX_TRIANGLES;
         check_triangle_count(limit, limit).unwrap();
@@ -253,7 +286,7 @@ mod tests {
 
     #[test]
     fn the_top_of_the_tree_comes_first_level_by_level() {
-        let tree = tree(500, 1);
+        let (tree, _) = tree(500, 1);
         let order = numbered(&tree, 7);
         let level = |nodes: &[u32]| -> Vec<u32> {
             nodes.iter().flat_map(|&index| tree.children(index as usize)).map(|index| index as u32).collect()

@@ -151,7 +151,7 @@ impl<'a> StructureInput<'a> {
         let tree = tree_of(kept, self.triangles(), self.primitives(), self.build_options)?;
         let stack_entries = tree.depth() + 1; // the last entry says that there are no more
         let padding = Padding { everywhere: self.padding, near_reach: self.near_reach };
-        let structure = pack_bvh2(&tree, self.top_nodes() / BVH_NODE_RECORDS as usize, padding)?;
+        let structure = pack_bvh2(&tree, self.triangles(), self.top_nodes() / BVH_NODE_RECORDS as usize, padding)?;
         Ok(PackedStructure { stack_entries, splits_chosen: SplitsChosen::of(tree.splits_ratio), ..structure.into() })
     }
 

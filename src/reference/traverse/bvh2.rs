@@ -31,7 +31,7 @@ pub fn traverse_bvh2(
     let mut stacked = 0;
     let mut link = 0;
     loop {
-        link = descend_to_leaf(buffers, &pair, [ray.t_near, hit.t], &mut stack, &mut stacked, link, work);
+        link = descend_to_leaf(buffers, &pair, [ray.t_near, hit.t], any_hit, &mut stack, &mut stacked, link, work);
         if link == BVH_END {
             return hit;
         }
@@ -43,13 +43,15 @@ pub fn traverse_bvh2(
     }
 }
 
-/// Descends to a leaf, nearer children first, and remembers the links of the far ones. The link of the leaf, or the
-/// end.
+/// Descends to a leaf, nearer children first, or with `any_hit` child 0, and remembers the links of the others. The
+/// link of the leaf, or the end.
 #[inline(always)]
+#[expect(clippy::too_many_arguments, reason = "those of the kernel's function")]
 pub(super) fn descend_to_leaf(
     buffers: &SceneBuffers,
     pair: &PairSlabs,
     limits: [f32; 2],
+    any_hit: bool,
     stack: &mut [u32],
     stacked: &mut usize,
     mut link: u32,
@@ -65,7 +67,7 @@ pub(super) fn descend_to_leaf(
         let (meets0, meets1) = (t[0] <= -t[1], t[2] <= -t[3]);
         let (link0, link1) = (links.flags, links.left);
         if meets0 || meets1 {
-            let goes_to1 = meets1 && (!meets0 || t[2] < t[0]);
+            let goes_to1 = meets1 && (!meets0 || (!any_hit && t[2] < t[0]));
             link = if goes_to1 { link1 } else { link0 };
             stack[*stacked + 1] = if goes_to1 { link0 } else { link1 };
             *stacked += usize::from(meets0 && meets1);

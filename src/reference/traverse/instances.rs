@@ -29,7 +29,7 @@ pub fn traverse_instances(
     let mut stacked = 0;
     let mut link = 0;
     loop {
-        link = descend_to_leaf(buffers, &pair, [ray.t_near, hit.t], &mut stack, &mut stacked, link, work);
+        link = descend_to_leaf(buffers, &pair, [ray.t_near, hit.t], any_hit, &mut stack, &mut stacked, link, work);
         if link == BVH_END {
             return hit;
         }
