@@ -11,6 +11,9 @@
 //! is room from the start. A subtree gets its share of what is left, so that what one uses does not depend on others,
 //! nor on who builds them. Whether that pays, [`weigh`] finds out.
 //!
+//! Which of two children is best searched first where any hit will do, [`worth`] estimates for those that pack the
+//! tree.
+//!
 //! What all relies on: each point of a triangle is in the box of a leaf that lists the triangle, and in all boxes above
 //! it.
 //!
