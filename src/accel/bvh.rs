@@ -40,7 +40,9 @@ use object::ObjectSplit;
 pub use refit::{KeptBvh, tree_of};
 use spatial::SpatialSplit;
 pub use weigh::SplitsChosen;
-pub(super) use worth::worths;
+#[cfg(test)]
+pub(super) use worth::before_a_wall;
+pub use worth::worths;
 
 /// A node of a [`Bvh`].
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -21,12 +21,12 @@
 //! Links lie among numbers of boxes: beside each other alone, a GPU's compiler moves their load behind the tests, and
 //! its time adds to each step's.
 //!
-//! Child 0 is the one that is best searched first where any hit will do (`bvh/worth.rs`).
+//! Child 0 is the one that is best searched first where any hit will do (`bvh/worth.rs`), or else the larger one.
 //!
 //! A node of which there is only one child, the root of a tree of one leaf, has a leaf without triangles for the other,
 //! in a box that no ray enters.
 
-use super::bvh::{Bvh, MAX_TRIANGLES, check_triangle_count, worths};
+use super::bvh::{Bvh, MAX_TRIANGLES, check_triangle_count};
 use super::link::{self, NO_CHILD, leaf_link, leaf_range};
 use super::{Aabb, Padding, StructureArrays};
 use crate::error::Result;
@@ -70,18 +70,14 @@ fn rounded_up(x: f64) -> f32 {
     if f64::from(rounded) < x { rounded.next_up() } else { rounded }
 }
 
-/// Packs `tree`, of the triangles `vertices`, depth first as it is, but for its `top` uppermost nodes (level by level),
-/// which come before all others; its boxes larger by their `padding` on all sides.
+/// Packs `tree`, depth first as it is, but for its `top` uppermost nodes (level by level), which come before all
+/// others; its boxes larger by their `padding` on all sides. `worths`: of all nodes (`bvh/worth.rs`); none, and the
+/// children keep the tree's order.
 ///
 /// # Errors
 /// [`Error::Option`](crate::Error::Option) when a leaf has more than [`BvhOptions::MAX_LEAF`] triangles,
 /// [`Error::Scene`](crate::Error::Scene) when all leaves together have more than 2^27 - 16.
-pub fn pack_bvh2(
-    tree: &Bvh,
-    vertices: &[[Vec3; 3]],
-    top: usize,
-    padding: impl Into<Padding>,
-) -> Result<StructureArrays> {
+pub fn pack_bvh2(tree: &Bvh, worths: &[f32], top: usize, padding: impl Into<Padding>) -> Result<StructureArrays> {
     let padding = padding.into();
     check_triangle_count(tree.order.len(), MAX_TRIANGLES)?;
     tree.check_leaves(StructureKind::Bvh2, BvhOptions::MAX_LEAF)?;
@@ -102,10 +98,9 @@ pub fn pack_bvh2(
         let bounds = &tree.nodes[index].bounds;
         (Middle::new(bounds, padding.of(bounds)), links[index])
     };
-    let worths = worths(tree, vertices);
     let mut nodes = Vec::with_capacity(BVH_NODE_RECORDS as usize * order.len().max(1));
     for &index in &order {
-        nodes.extend(records(by_worth(tree.children(index as usize), &worths).map(child)));
+        nodes.extend(records(by_worth(tree.children(index as usize), worths).map(child)));
     }
     if order.is_empty() {
         let only = if tree.nodes.is_empty() { nowhere } else { child(0) };
@@ -116,7 +111,7 @@ pub fn pack_bvh2(
 
 /// Two children, the one of more worth first.
 fn by_worth([a, b]: [usize; 2], worths: &[f32]) -> [usize; 2] {
-    if worths[b] > worths[a] { [b, a] } else { [a, b] }
+    if !worths.is_empty() && worths[b] > worths[a] { [b, a] } else { [a, b] }
 }
 
 /// The inner nodes in their order in memory.
@@ -167,6 +162,7 @@ pub(super) fn leaf_counts(nodes: &[KdNode]) -> impl Iterator<Item = u32> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::accel::bvh::{before_a_wall, worths};
     use crate::accel::{BuildOptions, build_bvh};
     use crate::bounds::EPSILON;
     use crate::random::Random;
@@ -199,8 +195,8 @@ mod tests {
         for (count, top) in [(0, 0), (1, 0), (2, 0), (3, 100), (500, 0), (500, 1), (500, 40), (500, 10_000)] {
             let (tree, vertices) = tree(count, 4);
             let padding = [0.0, 1e-4][count % 2];
-            let structure = pack_bvh2(&tree, &vertices, top, padding).unwrap();
             let worths = worths(&tree, &vertices);
+            let structure = pack_bvh2(&tree, &worths, top, padding).unwrap();
             let inner = tree.nodes.iter().filter(|node| !node.is_leaf()).count();
             assert_eq!(structure.nodes.len(), 4 * inner.max(1));
             let mut seen = vec![false; count];
@@ -233,12 +229,8 @@ mod tests {
     /// Rays for which any hit will do go to child 0 first.
     #[test]
     fn a_wall_behind_small_triangles_is_the_first_child() {
-        let (_, mut vertices) = tree(500, 4);
-        vertices.push([Vec3::new(-200.0, -200.0, 99.0), Vec3::new(400.0, -200.0, 99.0), Vec3::new(50.0, 500.0, 99.0)]);
-        let primitives: Vec<_> = (0..vertices.len() as u32).collect();
-        let options = BuildOptions::bvh(&BvhOptions::DEFAULT, StructureKind::Bvh2);
-        let tree = build_bvh(&vertices, &primitives, &options).unwrap();
-        let structure = pack_bvh2(&tree, &vertices, 0, 0.0).unwrap();
+        let (tree, vertices) = before_a_wall(StructureKind::Bvh2, None);
+        let structure = pack_bvh2(&tree, &worths(&tree, &vertices), 0, 0.0).unwrap();
         let mut link = 0;
         let leaf = loop {
             link = children(&structure, link as usize)[0].1;
@@ -246,7 +238,7 @@ mod tests {
                 break leaf;
             }
         };
-        assert!(structure.references[leaf].contains(&500));
+        assert!(structure.references[leaf].contains(&(vertices.len() as u32 - 1)));
     }
 
     #[test]
@@ -275,7 +267,7 @@ mod tests {
 
     #[test]
     fn what_links_have_no_room_for_is_refused() {
-        let large = pack_bvh2(&Bvh::of_one_leaf(16), &[[Vec3::ZERO; 3]; 16], 0, 0.0).map(drop).unwrap_err().to_string();
+        let large = pack_bvh2(&Bvh::of_one_leaf(16), &[], 0, 0.0).map(drop).unwrap_err().to_string();
         assert!(large.starts_with("option leaf_size: there is a leaf of 16 triangles"), "{large}");
         let limit = MAX_TRIANGLES;
         check_triangle_count(limit, limit).unwrap();

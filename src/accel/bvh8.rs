@@ -145,6 +145,7 @@ pub(super) fn leaf_counts(nodes: &[KdNode]) -> impl Iterator<Item = u32> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::accel::bvh::before_a_wall;
     use crate::accel::link::leaf_range;
     use crate::accel::{BuildOptions, build_bvh};
 
@@ -179,15 +180,11 @@ mod tests {
     /// Rays for which any hit will do go to the last of the children first.
     #[test]
     fn a_wall_behind_small_triangles_is_the_last_child() {
-        let (_, mut vertices) = tree(500, None);
-        vertices.push([Vec3::new(-200.0, -200.0, 99.0), Vec3::new(400.0, -200.0, 99.0), Vec3::new(50.0, 500.0, 99.0)]);
-        let primitives: Vec<_> = (0..vertices.len() as u32).collect();
-        let options = BuildOptions::bvh(&BvhOptions::DEFAULT, StructureKind::Bvh8);
-        let tree = build_bvh(&vertices, &primitives, &options).unwrap();
+        let (tree, vertices) = before_a_wall(StructureKind::Bvh8, None);
         let Bvh8 { structure, .. } = pack_bvh8(&tree, &vertices, Padding::from(0.0)).unwrap();
         let words: &[u32] = bytemuck::cast_slice(&structure.nodes);
         let last = leaf_range(words[4 * BVH8_LINKS as usize + WIDTH - 1]).expect("a leaf");
-        assert!(structure.references[last].contains(&500));
+        assert!(structure.references[last].contains(&(vertices.len() as u32 - 1)));
     }
 
     #[test]

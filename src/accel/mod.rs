@@ -27,7 +27,7 @@ mod subtree;
 mod validate;
 mod volumes;
 
-pub use bvh::{Bvh, BvhNode, KeptBvh, SplitsChosen, build_bvh, tree_of};
+pub use bvh::{Bvh, BvhNode, KeptBvh, SplitsChosen, build_bvh, tree_of, worths};
 #[cfg(test)]
 pub(crate) use bvh2::{Middle, NOWHERE};
 pub use bvh2::{move_links, pack_bvh2};

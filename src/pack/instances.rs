@@ -21,7 +21,7 @@
 use super::shading::{ShadingOf, pack_shading};
 use crate::accel::{
     BuildOptions, Bvh, KeptBvh, MAX_TRIANGLES, SplitsChosen, StructureArrays, build_bvh, check_triangle_count,
-    instance_link, leaf_link, move_links, pack_bvh2, tree_of,
+    instance_link, leaf_link, move_links, pack_bvh2, tree_of, worths,
 };
 use crate::bounds::{EPSILON, LEAST_PADDING};
 use crate::error::{Error, Result};
@@ -205,12 +205,12 @@ pub(super) fn pack_instances(
     let one_a_leaf = BuildOptions { leaf_size: 1, spatial_splits: SpatialSplits::NONE, ..*options };
     let top = build_bvh(&boxes, &hittable, &one_a_leaf)?;
 
-    let mut structure = pack_bvh2(&top, &boxes, 0, 0.0)?;
+    let mut structure = pack_bvh2(&top, &[], 0, 0.0)?;
     move_links(&mut structure.nodes, |leaf| instance_link(structure.references[leaf.start]), 0);
     structure.references.clear();
     let (mut roots, mut firsts, mut triangle_count) = (Vec::new(), Vec::new(), 0);
     for (mesh, tree) in meshes.iter().zip(&trees) {
-        let mut packed = pack_bvh2(tree, &mesh.triangles, 0, 0.0)?;
+        let mut packed = pack_bvh2(tree, &worths(tree, &mesh.triangles), 0, 0.0)?;
         let (node_count, reference_count) =
             (structure.nodes.len() as u32 / BVH_NODE_RECORDS, structure.references.len());
         check_triangle_count(reference_count + packed.references.len(), MAX_TRIANGLES)?;

@@ -59,7 +59,8 @@ impl PointScene {
         let scaled = |i: usize| given(i as u32).map(|p| if p.is_finite() { p * scale + 0.0 } else { Vec3::ZERO });
         let triangles = parallel::map_numbers(count, scaled);
         let options = BuildOptions::bvh(&BvhOptions::DEFAULT, StructureKind::Bvh2);
-        let structure = pack_bvh2(&build_bvh(&triangles, &sound, &options)?, &triangles, 0, 0.0)?;
+        // Its nodes are searched the nearest first, and by no ray.
+        let structure = pack_bvh2(&build_bvh(&triangles, &sound, &options)?, &[], 0, 0.0)?;
         let vertices = triangles.iter().flatten().map(|&p| Float4::new(p, 0.0)).collect();
         Ok(PointScene { own: Some(OwnArrays { structure, vertices }), scale, count: sound.len(), buffers })
     }

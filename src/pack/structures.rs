@@ -7,7 +7,7 @@ use super::space::TracingSpace;
 use crate::accel::{
     BuildOptions, KeptBvh, Padding, SplitsChosen, StructureArrays, build_boxes, build_grid_within,
     build_kd_tree_within, build_octree_within, build_spheres, link_leaves, near_reach, pack_bvh2, pack_bvh8,
-    pack_kd_leaves, reorder, tree_of,
+    pack_kd_leaves, reorder, tree_of, worths,
 };
 use crate::bounds::{padding_of_boxes, padding_within};
 use crate::error::Result;
@@ -151,7 +151,8 @@ impl<'a> StructureInput<'a> {
         let tree = tree_of(kept, self.triangles(), self.primitives(), self.build_options)?;
         let stack_entries = tree.depth() + 1; // the last entry says that there are no more
         let padding = Padding { everywhere: self.padding, near_reach: self.near_reach };
-        let structure = pack_bvh2(&tree, self.triangles(), self.top_nodes() / BVH_NODE_RECORDS as usize, padding)?;
+        let structure =
+            pack_bvh2(&tree, &worths(&tree, self.triangles()), self.top_nodes() / BVH_NODE_RECORDS as usize, padding)?;
         Ok(PackedStructure { stack_entries, splits_chosen: SplitsChosen::of(tree.splits_ratio), ..structure.into() })
     }
 

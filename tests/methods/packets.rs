@@ -125,8 +125,9 @@ fn assert_answers(
 
 #[test]
 fn packets_find_the_hits_of_single_rays() {
-    let Some(device) = device() else { return };
-    let far = device.clone().with_compiler_options("-cl-opt-disable -D MANY_REFERENCES=0u").unwrap();
+    let (Some(device), Some(quick)) = (device(), quick_device()) else { return };
+    let options = format!("{} -D MANY_REFERENCES=0u", quick.compiler_options());
+    let far = quick.with_compiler_options(&options).unwrap();
     let mut random = Random::new(SEED);
     let mut hits = 0;
     // Triangles of all sizes, some without area, so many that the hierarchy is several levels deep; shared edges; one

@@ -6,6 +6,10 @@
 //! Large triangles among small ones, such as the walls of a room, are worth more than what stands before them.
 
 use super::Bvh;
+#[cfg(test)]
+use crate::accel::{BuildOptions, build_bvh};
+#[cfg(test)]
+use crate::options::{BvhOptions, StructureKind};
 use crate::parallel;
 use glam::Vec3;
 
@@ -73,31 +77,32 @@ pub fn worths(tree: &Bvh, vertices: &[[Vec3; 3]]) -> Vec<f32> {
     chances.into_iter().map(Chance::worth).collect()
 }
 
+/// Small triangles before a wall, which is the last of them, in a tree for `structure`.
+#[cfg(test)]
+pub fn before_a_wall(structure: StructureKind, leaf_size: Option<u32>) -> (Bvh, Vec<[Vec3; 3]>) {
+    let small = |i: u16| {
+        let at = Vec3::new(f32::from(i * 37 % 101), f32::from(i * 53 % 103), f32::from(i * 71 % 97));
+        [at, at + Vec3::X, at + Vec3::Y]
+    };
+    let wall = [Vec3::new(-200.0, -200.0, 99.0), Vec3::new(400.0, -200.0, 99.0), Vec3::new(50.0, 500.0, 99.0)];
+    let vertices: Vec<_> = (0..500).map(small).chain([wall]).collect();
+    let primitives: Vec<_> = (0..vertices.len() as u32).collect();
+    let options = BvhOptions { leaf_size, ..BvhOptions::DEFAULT };
+    (build_bvh(&vertices, &primitives, &BuildOptions::bvh(&options, structure)).unwrap(), vertices)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::accel::{BuildOptions, build_bvh};
-    use crate::options::{BvhOptions, StructureKind};
-
-    fn tree(vertices: &[[Vec3; 3]]) -> Bvh {
-        let options = BvhOptions { leaf_size: Some(1), ..BvhOptions::DEFAULT };
-        let primitives: Vec<_> = (0..vertices.len() as u32).collect();
-        build_bvh(vertices, &primitives, &BuildOptions::bvh(&options, StructureKind::Bvh2)).unwrap()
-    }
 
     #[test]
     fn a_wall_is_worth_more_than_what_stands_before_it() {
-        let wall = [Vec3::new(-9.0, -9.0, 5.0), Vec3::new(9.0, -9.0, 5.0), Vec3::new(0.0, 9.0, 5.0)];
-        let dust = (0..60).map(|i| {
-            let at = Vec3::new((i * 37 % 11) as f32, (i * 53 % 13) as f32, (i * 71 % 7) as f32) * 0.3;
-            [at, at + 0.05 * Vec3::X, at + 0.05 * Vec3::Y]
-        });
-        let vertices: Vec<_> = std::iter::once(wall).chain(dust).collect();
-        let tree = tree(&vertices);
+        let (tree, vertices) = before_a_wall(StructureKind::Bvh2, Some(1));
         let worths = worths(&tree, &vertices);
-        let of_wall = (0..tree.nodes.len()).find(|&i| tree.nodes[i].is_leaf() && tree.triangles(i) == [0]).unwrap();
+        let wall = vertices.len() as u32 - 1;
+        let of_wall = (0..tree.nodes.len()).find(|&i| tree.nodes[i].is_leaf() && tree.triangles(i) == [wall]).unwrap();
         let dust = (1..tree.nodes.len()).filter(|&i| !tree.nodes[i].is_leaf());
-        assert!(dust.clone().count() > 50 && dust.clone().all(|i| worths[i] < 0.8 * worths[of_wall]), "{worths:?}");
+        assert!(dust.clone().count() > 450 && dust.clone().all(|i| worths[i] < 0.8 * worths[of_wall]), "{worths:?}");
     }
 
     #[test]
@@ -110,7 +115,9 @@ mod tests {
             at.map(|p| [p, -p, p + Vec3::X]).to_vec(),
             vec![[Vec3::ZERO, Vec3::X, 2.0 * Vec3::X]; 3],
         ] {
-            let tree = tree(&vertices);
+            let primitives: Vec<_> = (0..vertices.len() as u32).collect();
+            let options = BuildOptions::bvh(&BvhOptions::DEFAULT, StructureKind::Bvh2);
+            let tree = build_bvh(&vertices, &primitives, &options).unwrap();
             let worths = worths(&tree, &vertices);
             assert_eq!(worths.len(), tree.nodes.len());
             assert!(worths.iter().all(|worth| (0.0..=1.0).contains(worth)), "{worths:?}");
