@@ -380,7 +380,9 @@ pub type Progress<'a> = &'a (dyn Fn(f64) + Sync);
 pub enum Task {
     /// [`Backend::trace`].
     Batch,
-    /// [`Backend::trace_all`].
+    /// [`Backend::trace_all`] that only counts hits.
+    Counts,
+    /// [`Backend::trace_all`] that lists them.
     AllHits,
     /// [`Backend::find_candidates`].
     Points,

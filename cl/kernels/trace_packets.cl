@@ -1,15 +1,11 @@
 // Batch queries in packets: one work-item traces PACKETS_OF_ITEM times sixteen rays of the caller's, one behind the
 // other in the batch.
 
-// Writes the hits of a square's rays, with components one after the other.
+// Writes the hits of a square's rays.
 void store_hits(const BatchTile* batch, __global Hit* hits, uint square, float16 t, float16 u, float16 v,
                 uint16 primitive) {
-    const float16 p = as_float16(primitive);
-    const float16 fours[4] = {
-        (float16)(t.s0, u.s0, v.s0, p.s0, t.s1, u.s1, v.s1, p.s1, t.s2, u.s2, v.s2, p.s2, t.s3, u.s3, v.s3, p.s3),
-        (float16)(t.s4, u.s4, v.s4, p.s4, t.s5, u.s5, v.s5, p.s5, t.s6, u.s6, v.s6, p.s6, t.s7, u.s7, v.s7, p.s7),
-        (float16)(t.s8, u.s8, v.s8, p.s8, t.s9, u.s9, v.s9, p.s9, t.sa, u.sa, v.sa, p.sa, t.sb, u.sb, v.sb, p.sb),
-        (float16)(t.sc, u.sc, v.sc, p.sc, t.sd, u.sd, v.sd, p.sd, t.se, u.se, v.se, p.se, t.sf, u.sf, v.sf, p.sf)};
+    float16 fours[4];
+    hits_of_lanes(t, u, v, primitive, fours);
     if (batch->sorted != NULL) {
         for (uint lane = 0; lane < 16u; lane++)
             vstore4(vload4(lane, (const float*)fours), 0,

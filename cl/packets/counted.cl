@@ -1,6 +1,8 @@
 // Hits that are counted in packets (`counted` in triangles.cl), in hierarchies where each triangle is in one leaf: each
 // lane meets it once, in any order, and whether it is hit depends on no other triangle. Float32 and double decide of
 // nearly all, as for exact hits (exactly.cl); the others wait until the traversal is done.
+//
+// With LIST_COUNTED a lane notes which triangles it has counted, the first MOST_LISTED of them.
 
 typedef LeafTriangles_exactly LeafTriangles_counted;
 #define load_triangles_counted load_triangles_exactly
@@ -13,7 +15,19 @@ typedef struct {
     int16 undecided_lanes; // that have too many triangles put aside
     uint16 postponed;      // how many are
     uint postponed_references[16][MAX_POSTPONED];
+#ifdef LIST_COUNTED
+    uint16 listed[MOST_LISTED]; // by their references: the first one of each lane, the second one of each, and so on
+#endif
 } PacketHits_counted;
+
+// Notes the triangle of that reference as number `count` of a lane.
+#ifdef LIST_COUNTED
+void list_counted(uint16* listed, uint lane, uint count, uint reference) {
+    if (count < MOST_LISTED) ((uint*)&listed[count])[lane] = reference;
+}
+#else
+#define list_counted(listed, lane, count, reference)
+#endif
 
 void start_packet_counted(const RayPacket* p, PacketHits_counted* hits) {
     hits->t_limit = p->t_far;
@@ -22,8 +36,14 @@ void start_packet_counted(const RayPacket* p, PacketHits_counted* hits) {
 }
 
 // Counts a triangle of that decision in those of `open` that surely hit it within their limits. Returns the others.
-int16 count_sure_hits(const RayPacket* p, const Decision16* d, int16 open, PacketHits_counted* hits) {
+int16 count_sure_hits(const RayPacket* p, const Decision16* d, int16 open, uint reference, PacketHits_counted* hits) {
     const int16 counted = open && d->sure && d->t_low > p->t_near && d->t_high < hits->t_limit;
+#ifdef LIST_COUNTED
+    for (ulong lanes = lanes_where16(counted); lanes != 0ul; lanes = other_lanes8(lanes)) {
+        const uint lane = first_lane16(lanes);
+        list_counted(hits->listed, lane, ((const uint*)&hits->count)[lane], reference);
+    }
+#endif
     hits->count += counted ? (uint16)(1u) : (uint16)(0u);
     hits->t_limit = hits->count >= hits->most ? (float16)(-INFINITY) : hits->t_limit;
     return open && !counted;
@@ -35,7 +55,7 @@ RARE void count_closely(GEOMETRY_PARAMETERS, const RayPacket* p, const LeafTrian
 #ifdef EXTENDED_IS_DOUBLE
     if (!p->has_low) {
         const Decision16 d = decide_closely16(GEOMETRY, p, l, reference);
-        open = count_sure_hits(p, &d, open_lanes(p, &d, open, hits->t_limit), hits);
+        open = count_sure_hits(p, &d, open_lanes(p, &d, open, hits->t_limit), reference, hits);
     }
 #endif
     for (ulong lanes = lanes_where16(open); lanes != 0ul; lanes = other_lanes8(lanes)) {
@@ -51,7 +71,7 @@ bool test_with_packet_counted(GEOMETRY_PARAMETERS, const RayPacket* p, const Lea
     const Decision16 d = decide_triangle(p, l, reference);
     if (!is_any16(d.possible)) return false;
     const int16 open = open_lanes(p, &d, hits->t_limit >= p->t_near, hits->t_limit);
-    const int16 left = count_sure_hits(p, &d, open, hits);
+    const int16 left = count_sure_hits(p, &d, open, reference, hits);
     if (is_any16(left)) count_closely(GEOMETRY, p, l, reference, left, hits);
     return is_any16(open);
 }
@@ -63,16 +83,24 @@ typedef struct {
     uint postponed; // what it has put aside, as its packet keeps it
     uint* postponed_references;
     bool is_decided; // false if that is too much
+#ifdef LIST_COUNTED
+    uint lane;
+    uint16* listed; // as its packet has them
+#endif
 } SingleRay_counted;
 
 SingleRay_counted take_single_ray_counted(const RayPacket* p, uint lane, PacketHits_counted* hits) {
-    const SingleRay_counted ray = {ray_of_lane(p, lane),
-                                   lane_of16(&hits->t_limit, lane),
-                                   ((const uint*)&hits->count)[lane],
-                                   hits->most,
-                                   ((const uint*)&hits->postponed)[lane],
-                                   hits->postponed_references[lane],
-                                   true};
+    SingleRay_counted ray = {ray_of_lane(p, lane),
+                             lane_of16(&hits->t_limit, lane),
+                             ((const uint*)&hits->count)[lane],
+                             hits->most,
+                             ((const uint*)&hits->postponed)[lane],
+                             hits->postponed_references[lane],
+                             true};
+#ifdef LIST_COUNTED
+    ray.lane = lane;
+    ray.listed = hits->listed;
+#endif
     return ray;
 }
 
@@ -92,7 +120,12 @@ INLINE bool test_single_ray_counted(GEOMETRY_PARAMETERS, SingleRay_counted* ray,
     const ulong open = decide_packet_of_triangles(GEOMETRY, &ray->line, ray->t_limit, first, count, &d);
     if (open == 0ul) return false;
     const ulong sure = open & lanes_where8(d.sure && d.t_low > ray->line.t_near && d.t_high < ray->t_limit);
+#ifdef LIST_COUNTED
+    for (ulong lanes = sure; lanes != 0ul; lanes = other_lanes8(lanes))
+        list_counted(ray->listed, ray->lane, ray->count++, first + first_lane8(lanes));
+#else
     ray->count += count_lanes8(sure);
+#endif
     for (ulong left = open & ~sure; left != 0ul; left = other_lanes8(left)) {
         ray->is_decided = put_aside(&ray->postponed, ray->postponed_references, first + first_lane8(left));
         if (!ray->is_decided) return true;

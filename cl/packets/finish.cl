@@ -160,6 +160,26 @@ int16 finish_sixteen(const RayPacket* p, const float16* corners, const uint16 ze
 }
 #endif
 
+// Writes t, u and v of the lanes `is_hit`, by their triangles' references. Returns those of them that are left to
+// finish_exactly() of their rays.
+int16 finish_hits(GEOMETRY_PARAMETERS, const RayPacket* p, const int16 is_hit, const uint16 hit, const uint16 zeros,
+                  float16* t, float16* u, float16* v) {
+    float16 corners[9];
+#pragma unroll
+    for (uint i = 0; i < 9u; i++) corners[i] = (float16)(0.0f);
+    // One triangle after the other: the rays of a packet hit few. Their coordinates are those that were just tested.
+    for (ulong open = lanes_where16(is_hit); open != 0ul;) {
+        const uint reference = ((const uint*)&hit)[first_lane16(open)];
+        const int16 here = hit == reference;
+        const uint record = BVH8_PACKET_RECORDS * (reference / 8u);
+#pragma unroll
+        for (uint i = 0; i < 9u; i++)
+            corners[i] = here ? (float16)(LOAD_PACKET_LANE(geometry, record + 2u * i, reference % 8u)) : corners[i];
+        open &= ~lanes_where16(here);
+    }
+    return is_hit && !finish_sixteen(p, corners, zeros, true, t, u, v);
+}
+
 // Returns the lanes that are left to finish_lane_exactly(). With any_hit there are none, t is only no less than that of
 // the hit, and u and v are 0.
 int16 finish_packet_exactly(GEOMETRY_PARAMETERS, const RayPacket* p, const PacketHits_exactly* hits, const bool any_hit,
@@ -169,31 +189,17 @@ int16 finish_packet_exactly(GEOMETRY_PARAMETERS, const RayPacket* p, const Packe
     out->v = (float16)(0.0f);
     out->primitive = hits->primitive;
     const int16 is_hit = hits->primitive != NO_PRIMITIVE;
-    ulong open = lanes_where16(is_hit);
-    if (open == 0ul) return (int16)(0);
+    if (!is_any16(is_hit)) return (int16)(0);
     if (any_hit) {
         out->t = is_hit ? hits->t_high : out->t;
         return (int16)(0);
     }
-    float16 corners[9];
-#pragma unroll
-    for (uint i = 0; i < 9u; i++) corners[i] = (float16)(0.0f);
-    // One triangle after the other: the rays of a packet hit few. Their coordinates are those that were just tested.
-    while (open != 0ul) {
-        const uint reference = ((const uint*)&hits->reference)[first_lane16(open)];
-        const int16 here = hits->reference == reference;
-        const uint record = BVH8_PACKET_RECORDS * (reference / 8u);
-#pragma unroll
-        for (uint i = 0; i < 9u; i++)
-            corners[i] = here ? (float16)(LOAD_PACKET_LANE(geometry, record + 2u * i, reference % 8u)) : corners[i];
-        open &= ~lanes_where16(here);
-    }
     float16 t = out->t, u = out->u, v = out->v;
-    const int16 sure = finish_sixteen(p, corners, hits->zeros, true, &t, &u, &v);
+    const int16 unsure = finish_hits(GEOMETRY, p, is_hit, hits->reference, hits->zeros, &t, &u, &v);
     out->t = is_hit ? t : out->t;
     out->u = is_hit ? u : out->u;
     out->v = is_hit ? v : out->v;
-    return is_hit && !sure;
+    return unsure;
 }
 
 // Finishes the hit of one lane, whose ray that is, in more precision. Whether that takes no exact integers.

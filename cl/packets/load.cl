@@ -90,3 +90,15 @@ int16 load_packet(const BatchTile* batch, uint square, float scale, RayPacket* p
     *t_factor = unit * (1.0f / scale);
     return used;
 }
+
+// Hits of sixteen lanes as arrays of Hit have them, four in each vector.
+void hits_of_lanes(float16 t, float16 u, float16 v, uint16 primitive, float16* fours) {
+    const float16 p = as_float16(primitive);
+#define FOUR(a, b, c, d) \
+    (float16)(t.a, u.a, v.a, p.a, t.b, u.b, v.b, p.b, t.c, u.c, v.c, p.c, t.d, u.d, v.d, p.d)
+    fours[0] = FOUR(s0, s1, s2, s3);
+    fours[1] = FOUR(s4, s5, s6, s7);
+    fours[2] = FOUR(s8, s9, sa, sb);
+    fours[3] = FOUR(sc, sd, se, sf);
+#undef FOUR
+}

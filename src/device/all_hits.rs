@@ -1,6 +1,7 @@
-//! All hits of a batch on a device: it counts them, and then lists them, part of the batch by part.
+//! All hits of a batch on a device: packets list them in one traversal, part of the batch by part. Else it counts them,
+//! and then lists them ray by ray, as many at a time as it has room for.
 
-use super::batch::DeviceOrder;
+use super::batch::{DeviceOrder, Order};
 use super::deferred::Deferred;
 use super::entry::Entry;
 use super::launch::LaunchPlan;
@@ -9,8 +10,9 @@ use super::rows::Rows;
 use super::scene::DeviceScene;
 use super::{Buffer, DeviceContext, Kernel};
 use crate::error::Result;
-use crate::ray_order::Sorted;
-use crate::shared::{Hit, TraceRay};
+use crate::parallel;
+use crate::reference::extreme::AllOfExtreme;
+use crate::shared::{Hit, MOST_LISTED, NOT_LISTED, TraceRay};
 use crate::tracer::{AllHits, AllHitsJob, Progress};
 use crate::work::RayWork;
 use std::ops::Range;
@@ -19,6 +21,13 @@ use std::time::Instant;
 /// Hits that the device has room for at a time, but for those of one ray: 64 MiB.
 const HITS_AT_A_TIME: usize = 1 << 22;
 
+/// Rays whose hits packets list at a time: they have room for 16 of each, in the mean. Random rays through rooms of up
+/// to a million triangles have 8.
+const RAYS_AT_A_TIME: usize = HITS_AT_A_TIME / 16;
+
+/// Rays whose hits a thread takes from the device at a time.
+const RAYS_TAKEN: usize = 1 << 12;
+
 /// What lists hits: a device, the kernels, and how many rays a launch may have.
 pub(super) struct Lister<'a> {
     pub context: &'a DeviceContext,
@@ -26,38 +35,100 @@ pub(super) struct Lister<'a> {
     pub passes: &'a mut Passes,
     pub plan: LaunchPlan,
     pub work_group: usize,
-    /// The whole batch, on the device.
-    pub rays: Buffer<TraceRay>,
     /// Nothing is deferred.
     pub deferred: Deferred,
 }
 
 impl Lister<'_> {
-    /// How many hits each ray has, counted by `entry` in that order, if it is not the rays' own; the work that it took
-    /// where that is counted; and seconds of device time.
-    pub fn count(
+    /// Counts the hits of a job by `entry`, and lists them ray by ray where they are wanted.
+    pub fn count_and_list(
         &mut self,
-        job: &AllHitsJob,
-        (entry, sorted): (Entry, Option<&Sorted>),
-        work: &Option<Buffer<RayWork>>,
-        progress: impl FnMut(usize),
-    ) -> Result<(Vec<u32>, f64)> {
+        (job, entry): (&AllHitsJob, Entry),
+        order: &Order,
+        (extreme, work): (&AllOfExtreme, &Option<Buffer<RayWork>>),
+        progress: Progress,
+    ) -> Result<AllHits> {
+        let sorted = if entry == Entry::CountHitsPackets { order.of_counts(job.rays)? } else { None };
+        let start = Instant::now();
+        let rays = Buffer::from_slice(self.context, "rays", job.rays)?;
+        self.context.finish()?;
+        let upload_s = start.elapsed().as_secs_f64();
         let counts = Buffer::<u32>::empty(self.context, "numbers of hits", job.rays.len())?;
-        let order = DeviceOrder::new(self.context, sorted, || Rows::find(job.rays))?;
-        let (scene, rays) = (self.scene, &self.rays);
-        let set = |kernel: &mut Kernel| {
-            let arguments = scene.geometry_arguments(kernel)?.set(rays)?.set(&counts)?.set_work(work)?;
-            order.set(arguments)?.set(job.most).map(|_| ())
+        let order = DeviceOrder::new(self.context, sorted.as_ref(), || Rows::find(job.rays))?;
+        let passes = if job.wants_hits { 2.0 } else { 1.0 };
+        let mut done = 0;
+        let count_s = self.run(
+            entry,
+            job.rays.len(),
+            |scene, kernel| {
+                let arguments = scene.geometry_arguments(kernel)?.set(&rays)?.set(&counts)?.set_work(work)?;
+                order.set(arguments)?.set(job.most).map(|_| ())
+            },
+            |rays| {
+                done += rays;
+                progress(done as f64 / (passes * job.rays.len().max(1) as f64));
+            },
+        )?;
+        let mut counts = counts.read()?;
+        extreme.count_in(&mut counts);
+        let mut result = AllHits { upload_s, ..AllHits::of_counts(&counts, job.wants_hits, job.budget)? };
+        let list_s = match job.wants_hits {
+            true => self.list(&rays, &mut result, &|done| progress(0.5 + 0.5 * done))?,
+            false => 0.0,
         };
-        let shape = (0..job.rays.len(), self.work_group);
-        let Lister { context, passes, plan, deferred, .. } = self;
-        let seconds = passes.run(context, entry, &set, plan, shape, deferred, progress)?;
-        Ok((counts.read()?, seconds))
+        result.kernel_s = [count_s, list_s];
+        result.sort_s = sorted.map(|sorted| sorted.sort_s);
+        Ok(result)
     }
 
-    /// Writes the hits into their places. Returns seconds of device time, and of reading back.
-    pub fn list(&mut self, result: &mut AllHits, progress: Progress) -> Result<[f64; 2]> {
-        let mut seconds = [0.0; 2];
+    /// Counts and lists the hits of a job in packets; then, ray by ray, lists those that packets have only counted.
+    pub fn list_in_packets(
+        &mut self,
+        job: &AllHitsJob,
+        order: &Order,
+        extreme: &AllOfExtreme,
+        progress: Progress,
+    ) -> Result<AllHits> {
+        let parts = PacketLists::new(self.context, job.rays.len())?;
+        let mut result = AllHits::default();
+        let mut counts = vec![0; job.rays.len()];
+        let (mut hits, mut left) = (Vec::new(), Vec::new());
+        for first in (0..job.rays.len()).step_by(parts.length()) {
+            let part = first..job.rays.len().min(first + parts.length());
+            parts.run(self, job, part.clone(), order, &mut result)?;
+            let start = Instant::now();
+            parts.take(job, part, extreme, (&mut counts, &mut hits, &mut left))?;
+            result.read_s += start.elapsed().as_secs_f64();
+            progress(part_of(first + parts.length(), job.rays.len()));
+        }
+        let AllHits { upload_s, kernel_s, read_s, sort_s, .. } = result;
+        let starts = AllHits::of_counts(&counts, false, job.budget)?.starts;
+        let mut result = AllHits { starts, hits, upload_s, kernel_s, read_s, sort_s, ..AllHits::default() };
+        self.list_left(job, &left, &mut result)?;
+        Ok(result)
+    }
+
+    /// Lists the hits of those rays, ray by ray, into their places.
+    fn list_left(&mut self, job: &AllHitsJob, left: &[usize], result: &mut AllHits) -> Result<()> {
+        if left.is_empty() {
+            return Ok(());
+        }
+        let rays: Vec<TraceRay> = left.iter().map(|&ray| job.rays[ray]).collect();
+        let counts: Vec<u32> = left.iter().map(|&ray| result.count(ray) as u32).collect();
+        let rays = Buffer::from_slice(self.context, "rays", &rays)?;
+        let mut listed = AllHits::of_counts(&counts, true, job.budget)?;
+        result.kernel_s[1] += self.list(&rays, &mut listed, &|_| ())?;
+        result.read_s += listed.read_s;
+        for (place, &ray) in left.iter().enumerate() {
+            let range = result.range(ray);
+            result.hits[range].copy_from_slice(listed.of_ray(place));
+        }
+        Ok(())
+    }
+
+    /// Writes the hits of `rays`, which are counted, into their places. Returns seconds of device time.
+    fn list(&mut self, rays: &Buffer<TraceRay>, result: &mut AllHits, progress: Progress) -> Result<f64> {
+        let mut kernel_s = 0.0;
         let total = result.starts.len() - 1;
         let mut first = 0;
         while first < total {
@@ -67,28 +138,152 @@ impl Lister<'_> {
                 let starts: Vec<u32> =
                     result.starts[part.start..=part.end].iter().map(|start| (start - places.start) as u32).collect();
                 let hits = Buffer::<Hit>::empty(self.context, "hits", places.len())?;
-                seconds[0] += self.list_part(part.clone(), &starts, &hits)?;
+                let starts = Buffer::from_slice(self.context, "starts of hits", &starts)?;
+                kernel_s += self.run(
+                    Entry::ListHits,
+                    part.len(),
+                    |scene, kernel| {
+                        let arguments = scene.geometry_arguments(kernel)?.set(rays)?.set(&starts)?.set(&hits)?;
+                        arguments.set(part.start as u32).map(|_| ())
+                    },
+                    |_| (),
+                )?;
                 let start = Instant::now();
                 hits.read_into(0, &mut result.hits[places])?;
-                seconds[1] += start.elapsed().as_secs_f64();
+                result.read_s += start.elapsed().as_secs_f64();
             }
             first = part.end;
-            progress(0.5 + 0.5 * first as f64 / total as f64);
+            progress(part_of(first, total));
         }
-        Ok(seconds)
+        Ok(kernel_s)
     }
 
-    fn list_part(&mut self, part: Range<usize>, starts: &[u32], hits: &Buffer<Hit>) -> Result<f64> {
-        let starts = Buffer::from_slice(self.context, "starts of hits", starts)?;
-        let (scene, rays) = (self.scene, &self.rays);
-        let set = |kernel: &mut Kernel| {
-            let arguments = scene.geometry_arguments(kernel)?.set(rays)?.set(&starts)?.set(hits)?;
-            arguments.set(part.start as u32).map(|_| ())
-        };
-        let shape = (0..part.len(), self.work_group);
-        let Lister { context, passes, plan, deferred, .. } = self;
-        passes.run(context, Entry::ListHits, &set, plan, shape, deferred, |_| ())
+    /// Runs a kernel over so many rays; `set` sets its arguments but the last two. Returns seconds of device time.
+    fn run(
+        &mut self,
+        entry: Entry,
+        rays: usize,
+        set: impl Fn(&DeviceScene, &mut Kernel) -> Result<()>,
+        progress: impl FnMut(usize),
+    ) -> Result<f64> {
+        let Lister { context, scene, passes, plan, work_group, deferred } = self;
+        let set = |kernel: &mut Kernel| set(scene, kernel);
+        passes.run(context, entry, &set, plan, (0..rays, *work_group), deferred, progress)
     }
+}
+
+/// The memory in which packets list the hits of a part of a batch.
+struct PacketLists {
+    rays: Buffer<TraceRay>,
+    counts: Buffer<u32>,
+    starts: Buffer<u32>,
+    hits: Buffer<Hit>,
+    /// How many of `hits` are taken, or more.
+    used: Buffer<u32>,
+}
+
+impl PacketLists {
+    /// Room for the parts of a batch of so many rays.
+    fn new(context: &DeviceContext, rays: usize) -> Result<PacketLists> {
+        let rays = rays.clamp(1, RAYS_AT_A_TIME);
+        Ok(PacketLists {
+            rays: Buffer::empty(context, "rays", rays)?,
+            counts: Buffer::empty(context, "numbers of hits", rays)?,
+            starts: Buffer::empty(context, "starts of hits", rays)?,
+            hits: Buffer::empty(context, "hits", HITS_AT_A_TIME / RAYS_AT_A_TIME * rays)?,
+            used: Buffer::empty(context, "places of hits", 1)?,
+        })
+    }
+
+    /// Rays of a part.
+    fn length(&self) -> usize {
+        self.rays.len()
+    }
+
+    /// Lists the hits of the rays `part` of a job, in an order of their own. What it takes is added to `spent`.
+    fn run(
+        &self,
+        lister: &mut Lister,
+        job: &AllHitsJob,
+        part: Range<usize>,
+        order: &Order,
+        spent: &mut AllHits,
+    ) -> Result<()> {
+        let rays = &job.rays[part];
+        let sorted = order.of_counts(rays)?;
+        if let Some(sorted) = &sorted {
+            *spent.sort_s.get_or_insert(0.0) += sorted.sort_s;
+        }
+        let start = Instant::now();
+        self.rays.write(rays)?;
+        self.used.write(&[0])?;
+        let order = DeviceOrder::new(lister.context, sorted.as_ref(), || Rows::find(rays))?;
+        spent.upload_s += start.elapsed().as_secs_f64();
+        // Of rays with more hits than packets list, which are listed one by one, it does not matter how many more.
+        let most = job.most.max(MOST_LISTED + 1);
+        spent.kernel_s[0] += lister.run(
+            Entry::ListHitsPackets,
+            rays.len(),
+            |scene, kernel| {
+                let arguments = scene.geometry_arguments(kernel)?.set(&self.rays)?.set(&self.counts)?;
+                let arguments = arguments.set(&self.starts)?.set(&self.hits)?.set(&self.used)?;
+                order.set(arguments)?.set(most)?.set(self.hits.len() as u32).map(|_| ())
+            },
+            |_| (),
+        )?;
+        Ok(())
+    }
+
+    /// Takes the answers of `part`: how many hits its rays have, behind all others the hits, and the rays whose hits
+    /// are not listed.
+    fn take(
+        &self,
+        job: &AllHitsJob,
+        part: Range<usize>,
+        extreme: &AllOfExtreme,
+        (counts, hits, left): (&mut [u32], &mut Vec<Hit>, &mut Vec<usize>),
+    ) -> Result<()> {
+        self.counts.read_into(0, &mut counts[part.clone()])?;
+        extreme.count_in(counts);
+        let counts = &mut counts[part.clone()];
+        counts.iter_mut().for_each(|count| *count = job.most.min(*count));
+        let counts = &*counts;
+        let before = hits.len();
+        let total: usize = counts.iter().map(|&count| count as usize).sum();
+        AllHits::check_room((before + total, part.end), job.budget)?;
+        let mut starts = vec![0; part.len()];
+        self.starts.read_into(0, &mut starts)?;
+        for ray in extreme.rays().filter(|ray| part.contains(ray)) {
+            starts[ray - part.start] = NOT_LISTED;
+        }
+        hits.resize(before + total, Hit::NONE);
+        let mut room = &mut hits[before..];
+        let pieces = counts.chunks(RAYS_TAKEN).zip(starts.chunks(RAYS_TAKEN)).map(|(counts, starts)| {
+            let total = counts.iter().map(|&count| count as usize).sum();
+            let (now, later) = std::mem::take(&mut room).split_at_mut(total);
+            room = later;
+            (counts, starts, now)
+        });
+        self.hits.in_place(self.hits.len(), |listed| {
+            parallel::each(pieces, |(counts, starts, mut room)| {
+                for (&count, &start) in counts.iter().zip(starts) {
+                    let (now, later) = room.split_at_mut(count as usize);
+                    if start != NOT_LISTED {
+                        now.copy_from_slice(&listed[start as usize..][..count as usize]);
+                    }
+                    room = later;
+                }
+            });
+        })?;
+        let is_left = |(&count, &start): (&u32, &u32)| count > 0 && start == NOT_LISTED;
+        left.extend(part.zip(counts.iter().zip(&starts)).filter(|(_, of_ray)| is_left(*of_ray)).map(|(ray, _)| ray));
+        Ok(())
+    }
+}
+
+/// Which part of all `done` of them are.
+fn part_of(done: usize, all: usize) -> f64 {
+    (done as f64 / all.max(1) as f64).min(1.0)
 }
 
 /// The rays from `first` on whose hits are listed together.

@@ -2,7 +2,10 @@
 //! scene does not need.
 
 use super::CompileOptions;
-use super::entry::{COUNT_HITS_FILE, COUNT_HITS_PACKETS_FILE, LIST_HITS_FILE, Pass, TRACE_FILE, is_shading};
+use super::entry::{
+    COUNT_HITS_FILE, COUNT_HITS_PACKETS_FILE, LIST_HITS_FILE, LIST_HITS_PACKETS_FILE, Pass, TRACE_FILE, finds_all_hits,
+    is_shading,
+};
 use super::scene::DeviceScene;
 use crate::features::Features;
 use crate::options::{
@@ -80,6 +83,7 @@ impl Definitions {
         let options = match file {
             COUNT_HITS_FILE if self.repeats_triangles => options.define("AFTER_HITS", 1),
             COUNT_HITS_FILE | COUNT_HITS_PACKETS_FILE => options.define("COUNT_HITS", 1),
+            LIST_HITS_PACKETS_FILE => options.define("COUNT_HITS", 1).define("LIST_COUNTED", 1),
             LIST_HITS_FILE => options.define("LIST_HITS", 1),
             _ => options,
         };
@@ -88,9 +92,7 @@ impl Definitions {
         }
         match pass {
             // In one pass.
-            _ if [COUNT_HITS_FILE, COUNT_HITS_PACKETS_FILE, LIST_HITS_FILE].contains(&file) => {
-                options.most_registers(MOST_REGISTERS)
-            }
+            _ if finds_all_hits(file) => options.most_registers(MOST_REGISTERS),
             Pass::First if file == TRACE_FILE => options.most_registers(TRACE_REGISTERS).define("DEFER_UNDECIDED", 1),
             Pass::First => options.most_registers(MOST_REGISTERS).define("DEFER_UNDECIDED", 1),
             Pass::Second => options.most_registers(MOST_REGISTERS).define("RESOLVE_DEFERRED", 1),

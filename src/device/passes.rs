@@ -80,7 +80,9 @@ impl Passes {
         if !self.kernels.iter().any(|known| (known.0, known.1) == (pass, entry)) {
             let program = self.program(context, pass, entry.file())?;
             let files = files_with(entry.file());
-            for other in Entry::ALL.into_iter().filter(|other| files.contains(&other.file())) {
+            // What needs more files than its own has a program of its own.
+            let comes_along = |other: &Entry| files.contains(&other.file()) && files_with(other.file()).len() == 1;
+            for other in Entry::ALL.into_iter().filter(|other| other.file() == entry.file() || comes_along(other)) {
                 self.kernels.push((pass, other, program.kernel(other.name())?));
             }
         }

@@ -114,6 +114,7 @@ const ENTRY_FILES: &[(&str, &str)] = kernel_files![
     "cl/kernels/trace.cl",
     "cl/kernels/count_hits.cl",
     "cl/kernels/count_hits_packets.cl",
+    "cl/kernels/list_hits_packets.cl",
     "cl/kernels/list_hits.cl",
     "cl/kernels/trace_packets.cl",
     "cl/kernels/render.cl",

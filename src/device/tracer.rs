@@ -268,7 +268,7 @@ impl Backend for OpenClBackend {
 
     fn prepare(&mut self, task: Task) -> Result<()> {
         match (task, self.options.picture.kernels) {
-            (Task::Batch | Task::AllHits, _) | (Task::Picture, Kernels::Mega) => {
+            (Task::Batch | Task::Counts | Task::AllHits, _) | (Task::Picture, Kernels::Mega) => {
                 Entry::of_task(task, &self.options).map_or(Ok(()), |entry| self.passes.prepare(&self.context, entry))
             }
             (Task::Points, _) => {
@@ -323,15 +323,16 @@ impl Backend for OpenClBackend {
     }
 
     fn trace_all(&mut self, job: &AllHitsJob, progress: Progress) -> Result<AllHits> {
-        self.prepare(Task::AllHits)?;
+        if job.asks_for_closest() && self.options.is_exact() && !self.options.counters {
+            return Ok(AllHits::of_closest(self.trace(&job.closest(), progress)?));
+        }
         let extreme = all_extreme(job, &self.buffers);
-        let entry = Entry::of_counts(&self.options);
-        let sorted = if entry == Entry::CountHitsPackets { self.order().of_counts(job.rays)? } else { None };
-        let start = Instant::now();
-        let rays = Buffer::from_slice(&self.context, "rays", job.rays)?;
+        let entry = match job.wants_hits {
+            true => Entry::of_lists(&self.options, job.most),
+            false => Entry::of_counts(&self.options),
+        };
         let work = self.work_buffer::<RayWork>(job.rays.len())?;
-        self.context.finish()?;
-        let upload_s = start.elapsed().as_secs_f64();
+        let order = self.order();
         let mut lister = Lister {
             deferred: Deferred::new(&self.context, false, 0)?,
             plan: LaunchPlan::on(&self.context, self.first_items),
@@ -339,22 +340,14 @@ impl Backend for OpenClBackend {
             context: &self.context,
             scene: &self.scene,
             passes: &mut self.passes,
-            rays,
         };
-        let passes = if job.wants_hits { 2.0 } else { 1.0 };
-        let mut done = 0;
-        let (mut counts, count_s) = lister.count(job, (entry, sorted.as_ref()), &work, |rays| {
-            done += rays;
-            progress(done as f64 / (passes * job.rays.len().max(1) as f64));
-        })?;
-        extreme.count_in(&mut counts);
-        let mut result = AllHits { upload_s, ..AllHits::of_counts(&counts, job.wants_hits, job.budget)? };
-        let [list_s, read_s] = if job.wants_hits { lister.list(&mut result, progress)? } else { [0.0; 2] };
-        result.kernel_s = [count_s, list_s];
-        result.sort_s = sorted.map(|sorted| sorted.sort_s);
+        let mut result = match entry {
+            Entry::ListHitsPackets => lister.list_in_packets(job, &order, &extreme, progress)?,
+            entry => lister.count_and_list((job, entry), &order, (&extreme, &work), progress)?,
+        };
         let start = Instant::now();
         result.work = work.map(|work| work.read()).transpose()?;
-        result.read_s = read_s + start.elapsed().as_secs_f64();
+        result.read_s += start.elapsed().as_secs_f64();
         extreme.list_in(&mut result);
         Ok(result)
     }

@@ -425,6 +425,11 @@ impl AllOfExtreme {
         self.hits.iter().for_each(|(index, hits)| counts[*index] = hits.len() as u32);
     }
 
+    /// Their numbers.
+    pub(crate) fn rays(&self) -> impl Iterator<Item = usize> {
+        self.hits.iter().map(|(ray, _)| *ray)
+    }
+
     /// Writes their hits where they are wanted, and how long they took.
     pub(crate) fn list_in(&self, result: &mut AllHits) {
         if !result.hits.is_empty() {

@@ -1,6 +1,6 @@
 //! All hits of rays: what is asked, and what comes of it.
 
-use super::{ExtremeRay, TraceJob};
+use super::{ExtremeRay, TraceJob, TraceResult, is_hit};
 use crate::budget::{CHECKED_FROM_BYTES, DecidedBy, MemoryBudget, Need, try_repeat};
 use crate::error::Result;
 use crate::shared::{Hit, TraceRay};
@@ -32,6 +32,16 @@ impl<'a> AllHitsJob<'a> {
     pub fn of(job: &TraceJob<'a>) -> Self {
         AllHitsJob { rays: job.rays, extreme: job.extreme, most: u32::MAX, wants_hits: true, budget: None }
     }
+
+    /// Whether the closest hit of each ray is all that is wanted.
+    pub(crate) fn asks_for_closest(&self) -> bool {
+        self.wants_hits && self.most == 1
+    }
+
+    /// The closest hits of the same rays.
+    pub(crate) fn closest(&self) -> TraceJob<'a> {
+        TraceJob { rays: self.rays, next_directions: None, extreme: self.extreme, any_hit: false, repeat: 1 }
+    }
 }
 
 /// Bytes of a hit as callers take it.
@@ -47,7 +57,7 @@ pub struct AllHits {
     pub hits: Vec<Hit>,
     /// With [`crate::options::TraceOptions::counters`] the work on each ray that counting its hits took.
     pub work: Option<Vec<RayWork>>,
-    /// Seconds of device time that counting took, and listing.
+    /// Seconds of device time that counting took, and listing: packets do both in the first.
     pub kernel_s: [f64; 2],
     /// Seconds that it took to sort the rays before their hits were counted; `None` where they were not.
     pub sort_s: Option<f64>,
@@ -78,6 +88,28 @@ impl AllHits {
         let room = |need: &Need| try_repeat(Hit::NONE, end).map_err(|_| need.refused());
         let hits = AllHits::checked((end, counts.len()), budget, room)?;
         Ok(AllHits { starts, hits, ..AllHits::default() })
+    }
+
+    /// The closest hits of rays as lists.
+    pub(crate) fn of_closest(found: TraceResult) -> AllHits {
+        let TraceResult { mut hits, kernel_s, sort_s, upload_s, read_s, extreme_s, .. } = found;
+        let mut end = 0;
+        let ends = hits.iter().map(|hit| {
+            end += usize::from(is_hit(hit));
+            end
+        });
+        let starts = std::iter::once(0).chain(ends).collect();
+        hits.retain(is_hit);
+        AllHits {
+            starts,
+            hits,
+            work: None,
+            kernel_s: [0.0, kernel_s.iter().sum()],
+            sort_s,
+            upload_s,
+            read_s,
+            extreme_s,
+        }
     }
 
     /// Checks that there is memory for so many hits of so many rays.

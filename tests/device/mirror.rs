@@ -18,6 +18,7 @@ const WITHOUT_TWIN: &[(&str, &str)] = &[
     ("cl/shared/rounding_errors.cl", "compiled for several numbers of lanes; the twin's one is in ray.rs"),
     ("cl/intersect/exact_closer.cl", "the twin goes from f64 to exact integers at once"),
     ("cl/kernels/count_hits_packets.cl", "sixteen rays at a time, with the answers of count_hits.cl"),
+    ("cl/kernels/list_hits_packets.cl", "sixteen rays at a time, with the answers of list_hits.cl"),
     ("cl/kernels/add_samples.cl", "the twin has the samples of a pixel in one loop"),
     ("cl/kernels/adaptive.cl", "its twin is src/adaptive/, which also decides on the host"),
     ("cl/kernels/empty.cl", "computes nothing"),

@@ -8,7 +8,7 @@ use raybrook::low_level::extreme::TracingBatch;
 use raybrook::low_level::options::{Intersector, TraceOptions};
 use raybrook::low_level::pack::SceneBuffers;
 use raybrook::low_level::renderer::open_tracer;
-use raybrook::low_level::shared::{Hit, NO_PRIMITIVE};
+use raybrook::low_level::shared::{Hit, MOST_LISTED, NO_PRIMITIVE};
 use raybrook::low_level::tracer::{AllHits, AllHitsJob, Backend, is_hit};
 use raybrook::{Ray, Scene, Tracer};
 use raybrook_lab::stress::closed::ClosedMesh;
@@ -85,7 +85,7 @@ impl Model {
         let job = AllHitsJob::of(&batch.job(false, 1));
         let all = tracer.trace_all(&job, &|_| ()).unwrap();
         // The closest few are the first of all, and counting alone gives the same numbers.
-        for most in [0, 1, 2, 5] {
+        for most in [0, 1, 2, 5, MOST_LISTED + 1] {
             let few = tracer.trace_all(&AllHitsJob { most, ..job }, &|_| ()).unwrap();
             let counted = tracer.trace_all(&AllHitsJob { most, wants_hits: false, ..job }, &|_| ()).unwrap();
             assert_eq!(counted.starts, few.starts, "{} {options:?}", self.name);
@@ -158,7 +158,7 @@ fn they_are_those_of_exact_arithmetic_in_every_structure() {
 const ON_DEVICES: [&str; 10] = [
     "structure=bvh8 packet_size=16",
     "structure=bvh2 spatial_splits=1",
-    "structure=bvh8 packet_size=16 ray_order=sorted",
+    "structure=bvh8 packet_size=16 ray_order=sorted triangles=leaf-order",
     "structure=bvh2",
     "structure=kd traversal=ropes",
     "structure=grid triangles=leaf-order",
@@ -184,6 +184,39 @@ fn device_and_twin_agree() {
                 model.check(text, &got);
             }
         }
+    }
+}
+
+/// Packets list hits where they have room for them: not those of rays with many, and where rays have many in the mean
+/// only those that come first. All are listed, in batches of several parts, too.
+#[test]
+fn packets_leave_what_they_have_no_room_for_to_single_rays() {
+    let Some(device) = quick_device() else { return };
+    let mut layers = Mesh::default();
+    let count = MOST_LISTED as usize + 8;
+    (0..count).for_each(|z| layers.append(&Mesh::sheet(1, |_, _| z as f32)));
+    let options = asked("structure=bvh8 packet_size=16");
+    let buffers = Arc::new(SceneBuffers::new(&layers.scene(), &options).unwrap());
+    let mut random = Random::new(SEED);
+    let mut ray = |hits: usize| {
+        let from = random.vec3() * 0.25 + Vec3::splat(0.5);
+        (from.with_z(hits as f32 - 0.5), (random.vec3() * 1e-3).with_z(-1.0), 0.0, f32::INFINITY)
+    };
+    let many: Vec<_> = (0..600).map(|i| ray([count, MOST_LISTED as usize, 20][i % 3])).collect();
+    // More than are traced at a time.
+    let several: Vec<_> = (0..(1 << 18) + 128).map(|i| ray(usize::from(i % 5 == 0))).collect();
+    for (rays, are_left) in [(many, true), (several, false)] {
+        let batch = buffers.batch(rays.len(), |i| rays[i], None);
+        let list = |device: Option<&DeviceHandle>| {
+            let mut tracer = open_tracer(device, &buffers, &options, 1, None).unwrap();
+            tracer.trace_all(&AllHitsJob::of(&batch.job(false, 1)), &|_| ()).unwrap()
+        };
+        let (got, expected) = (list(Some(&device)), list(None));
+        assert_eq!(got.starts, expected.starts);
+        assert_eq!(got.hits.iter().zip(&expected.hits).position(|(got, expected)| !same(got, expected)), None);
+        let due: usize = rays.iter().map(|ray| (ray.0.z + 0.5) as usize).sum();
+        assert_eq!(got.hits.len(), due);
+        assert_eq!(got.kernel_s[1] > 0.0, are_left, "seconds of single rays: {:?}", got.kernel_s);
     }
 }
 

@@ -341,7 +341,11 @@ impl Work<'_> {
 
     /// What tracers are to be prepared for.
     fn task(&self) -> Task {
-        if self.asked.most().is_some() { Task::AllHits } else { Task::Batch }
+        match self.asked {
+            Asked::Count => Task::Counts,
+            asked if asked.most().is_some() => Task::AllHits,
+            _ => Task::Batch,
+        }
     }
 
     /// Traces on one device.
