@@ -10,6 +10,8 @@
 
 pub use crate::error::{BudgetOrigin, Bytes, DecidedBy, MemoryBudget};
 use crate::error::{Error, Result};
+use bytemuck::Zeroable;
+use bytemuck::allocation::try_zeroed_vec;
 use std::collections::TryReserveError;
 use std::path::{Path, PathBuf};
 
@@ -19,6 +21,12 @@ pub(crate) fn try_repeat<T: Clone>(value: T, count: usize) -> std::result::Resul
     values.try_reserve_exact(count)?;
     values.resize(count, value);
     Ok(values)
+}
+
+/// `count` zeros, or none when the system has no memory for them. It gives them when they are first touched: by all cores,
+/// and not by one in advance.
+pub(crate) fn try_zeros<T: Zeroable>(count: usize) -> Option<Vec<T>> {
+    try_zeroed_vec(count).ok()
 }
 
 /// What takes less memory is not checked: asking the system takes as long as tracing a thousand rays.

@@ -106,6 +106,47 @@ pub fn extend<T: Send>(values: &mut Vec<T>, count: usize, value: impl Fn(usize) 
     unsafe { values.set_len(before + count) };
 }
 
+/// Appends pieces of so many values each, in order; `fill` puts those of a piece, by its number, into its room.
+pub fn extend_by_pieces<T: Copy + Send>(
+    values: &mut Vec<T>,
+    lengths: &[usize],
+    fill: impl Fn(usize, &mut Piece<T>) + Sync,
+) {
+    let (count, before) = (lengths.iter().sum(), values.len());
+    values.reserve(count);
+    let mut room: &mut [MaybeUninit<T>] = &mut values.spare_capacity_mut()[..count];
+    let pieces = lengths.iter().map(|&length| {
+        let (now, later) = std::mem::take(&mut room).split_at_mut(length);
+        room = later;
+        Piece { room: now }
+    });
+    each(pieces.enumerate(), |(number, mut piece)| {
+        fill(number, &mut piece);
+        assert!(piece.room.is_empty(), "piece {number} is not full");
+    });
+    // SAFETY: room was reserved, and every piece is full.
+    unsafe { values.set_len(before + count) };
+}
+
+/// What is left of a piece's room.
+pub struct Piece<'a, T> {
+    room: &'a mut [MaybeUninit<T>],
+}
+
+impl<T: Copy> Piece<'_, T> {
+    /// Puts values behind those that are there.
+    ///
+    /// # Panics
+    /// When there is no room for them.
+    pub fn put(&mut self, values: impl ExactSizeIterator<Item = T>) {
+        let length = values.len();
+        let (now, later) = std::mem::take(&mut self.room).split_at_mut(length);
+        let written = now.iter_mut().zip(values).map(|(room, value)| room.write(value)).count();
+        assert_eq!(written, length, "an iterator tells another length than it has");
+        self.room = later;
+    }
+}
+
 /// Room for values that come piece by piece, by several threads and in any order.
 pub struct Room<'a, T> {
     pieces: Vec<Mutex<RoomOfPiece<'a, T>>>,

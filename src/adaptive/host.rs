@@ -5,7 +5,7 @@ use super::promises::{Choice, Promises};
 use super::shown::{display_steps, mean_of, squared, variance_of_mean};
 use super::{Done, Pixels, refine, sample_sequence};
 use crate::blocks::{Area, Blocks};
-use crate::budget::{DecidedBy, Need, try_repeat};
+use crate::budget::{DecidedBy, Need, try_zeros};
 use crate::error::Result;
 use crate::io::film::FilmWindow;
 use crate::parallel;
@@ -25,8 +25,8 @@ pub fn room_for_sampling(pixels: usize) -> Result<Sampling> {
     let what = format!("how {pixels} pixels were sampled");
     let bytes = 2 * (size_of::<f32>() * pixels) as u64;
     let need = Need { what: &what, bytes, decided_by: DecidedBy::Picture, remedy: "lower `size`" };
-    let samples = try_repeat(0, pixels).map_err(|_| need.refused())?;
-    Ok(Sampling { samples, errors: try_repeat(0.0, pixels).map_err(|_| need.refused())? })
+    let samples = try_zeros(pixels).ok_or_else(|| need.refused())?;
+    Ok(Sampling { samples, errors: try_zeros(pixels).ok_or_else(|| need.refused())? })
 }
 
 /// About so many first samples are taken at a time: their film is there twice, on a device and fetched.

@@ -256,22 +256,16 @@ impl PacketLists {
         for ray in extreme.rays().filter(|ray| part.contains(ray)) {
             starts[ray - part.start] = NOT_LISTED;
         }
-        hits.resize(before + total, Hit::NONE);
-        let mut room = &mut hits[before..];
-        let pieces = counts.chunks(RAYS_TAKEN).zip(starts.chunks(RAYS_TAKEN)).map(|(counts, starts)| {
-            let total = counts.iter().map(|&count| count as usize).sum();
-            let (now, later) = std::mem::take(&mut room).split_at_mut(total);
-            room = later;
-            (counts, starts, now)
-        });
+        let lengths: Vec<usize> =
+            counts.chunks(RAYS_TAKEN).map(|counts| counts.iter().map(|&count| count as usize).sum()).collect();
         self.hits.in_place(self.hits.len(), |listed| {
-            parallel::each(pieces, |(counts, starts, mut room)| {
-                for (&count, &start) in counts.iter().zip(starts) {
-                    let (now, later) = room.split_at_mut(count as usize);
-                    if start != NOT_LISTED {
-                        now.copy_from_slice(&listed[start as usize..][..count as usize]);
+            parallel::extend_by_pieces(hits, &lengths, |number, piece| {
+                let rays = number * RAYS_TAKEN..counts.len().min((number + 1) * RAYS_TAKEN);
+                for (&count, &start) in counts[rays.clone()].iter().zip(&starts[rays]) {
+                    match start {
+                        NOT_LISTED => piece.put(std::iter::repeat_n(Hit::NONE, count as usize)),
+                        _ => piece.put(listed[start as usize..][..count as usize].iter().copied()),
                     }
-                    room = later;
                 }
             });
         })?;

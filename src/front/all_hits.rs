@@ -1,6 +1,7 @@
 //! All hits of a batch of rays.
 
 use super::Hit;
+use crate::parallel;
 use crate::tracer;
 
 /// All hits of each ray of a batch; from [`Tracer::all_hits`](crate::Tracer::all_hits).
@@ -31,7 +32,7 @@ pub struct AllHits {
 
 impl AllHits {
     pub(super) fn new(found: tracer::AllHits) -> AllHits {
-        AllHits { starts: found.starts, hits: found.hits.iter().map(Hit::of).collect() }
+        AllHits { starts: found.starts, hits: parallel::map_slice(&found.hits, Hit::of) }
     }
 
     /// How many rays there were.

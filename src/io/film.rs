@@ -10,7 +10,7 @@ use std::path::Path;
 use std::sync::LazyLock;
 
 use crate::blocks::{Area, LARGEST_PATCH};
-use crate::budget::{DecidedBy, Need, try_repeat};
+use crate::budget::{DecidedBy, Need, try_zeros};
 use crate::error::{Error, Result};
 use crate::io::output::{Output, check_writable, write_atomically};
 use crate::io::rows;
@@ -228,7 +228,7 @@ impl Film {
         let bytes = Self::PIXEL_BYTES * count as u64;
         let what = format!("a picture of {count} pixels");
         let need = Need { what: &what, bytes, decided_by: DecidedBy::Picture, remedy: "lower `size`" };
-        try_repeat([0.0; 3], count).map_err(|_| need.refused())
+        try_zeros(count).ok_or_else(|| need.refused())
     }
 
     /// A film without pixels.

@@ -372,6 +372,10 @@ impl Core {
             self.work(call, rays.len(), |tracer, part| {
                 let rays = rays.part(part);
                 let (all, ties) = self.all_hits(tracer, &rays, most, merge)?;
+                if !merge {
+                    list.extend(&all, &self.meshes);
+                    return Ok(());
+                }
                 let most = most.map_or(usize::MAX, |most| most as usize);
                 self.for_each_hit((&all, &ties), most, |hit| match hit {
                     Some((hit, place)) => list.push(hit, place),

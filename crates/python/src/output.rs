@@ -4,7 +4,7 @@ use crate::meshes::Meshes;
 use numpy::{IntoPyArray, PyArray1};
 use pyo3::prelude::*;
 use raybrook::low_level::parallel;
-use raybrook::{Hit, Hits, Scene};
+use raybrook::{AllHits, Hit, Hits, Scene};
 
 /// Marks a ray that hits nothing, as triangle and as mesh.
 pub const NO_HIT: u32 = u32::MAX;
@@ -81,7 +81,7 @@ pub struct HitList {
     /// Where the hits of each ray start, and where those of the last one end.
     pub starts: Vec<i64>,
     t: Vec<f32>,
-    uv: Vec<f32>,
+    uv: Vec<[f32; 2]>,
     triangle: Vec<u32>,
     mesh: Vec<u32>,
 }
@@ -103,7 +103,7 @@ impl HitList {
     /// Adds a hit to the ray that is under way.
     pub fn push(&mut self, hit: &Hit, (mesh, triangle): (u32, u32)) {
         self.t.push(hit.t);
-        self.uv.extend([hit.u, hit.v]);
+        self.uv.push([hit.u, hit.v]);
         self.triangle.push(triangle);
         self.mesh.push(mesh);
     }
@@ -113,9 +113,23 @@ impl HitList {
         self.starts.push(self.t.len() as i64);
     }
 
+    /// Adds all hits of further rays.
+    pub fn extend(&mut self, all: &AllHits, meshes: &Meshes) {
+        let hits = all.hits();
+        parallel::extend(&mut self.t, hits.len(), |i| hits[i].t);
+        parallel::extend(&mut self.uv, hits.len(), |i| [hits[i].u, hits[i].v]);
+        parallel::extend(&mut self.mesh, hits.len(), |i| meshes.place(hits[i].triangle).0);
+        parallel::extend(&mut self.triangle, hits.len(), |i| meshes.place(hits[i].triangle).1);
+        let mut end = (self.t.len() - hits.len()) as i64;
+        self.starts.extend(all.counts().map(|count| {
+            end += count as i64;
+            end
+        }));
+    }
+
     pub fn into_arrays(self, py: Python<'_>) -> Arrays<'_> {
         let HitList { starts, t, uv, triangle, mesh } = self;
-        let numbers = (t.into_pyarray(py), uv.into_pyarray(py));
+        let numbers = (t.into_pyarray(py), uv.into_flattened().into_pyarray(py));
         (starts.into_pyarray(py), numbers.0, numbers.1, triangle.into_pyarray(py), mesh.into_pyarray(py))
     }
 }
