@@ -168,7 +168,7 @@ impl Lister<'_> {
     ) -> Result<f64> {
         let Lister { context, scene, passes, plan, work_group, deferred } = self;
         let set = |kernel: &mut Kernel| set(scene, kernel);
-        passes.run(context, entry, &set, plan, (0..rays, *work_group), deferred, progress)
+        passes.run(context, entry, &set, plan, (0..rays, *work_group), (deferred, None), progress)
     }
 }
 

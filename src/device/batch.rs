@@ -84,6 +84,14 @@ impl<'a> DeviceBatch<'a> {
         Ok(DeviceBatch { rays, hits, deferred, order: DeviceOrder::new(context, sorted, rows)? })
     }
 
+    /// Writes the hits of those rays as `trace` finds them.
+    pub fn settle(&self, items: &[u32], trace: impl FnOnce(&[TraceRay]) -> Result<Vec<Hit>>) -> Result<()> {
+        let mut rays = vec![TraceRay::default(); items.len()];
+        let places = || items.iter().map(|&item| item as usize);
+        places().zip(rays.chunks_mut(1)).try_for_each(|(place, ray)| self.rays.read_into(place, ray))?;
+        places().zip(trace(&rays)?).try_for_each(|(place, hit)| self.hits.write_from(place, &[hit]))
+    }
+
     /// Passes the batch to a kernel, after the scene's geometry.
     pub fn set<'k>(&self, arguments: Arguments<'k>, work: &Option<Buffer<RayWork>>) -> Result<Arguments<'k>> {
         self.set_order(arguments.set(self.rays)?.set(self.hits)?.set_work(work)?)

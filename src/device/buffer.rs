@@ -221,6 +221,20 @@ impl<T: Pod> Buffer<T> {
         staged.unwrap_or_else(|| self.done(WRITE, unsafe { self.enqueue_write(Waits::Yes, 0, bytes) }))
     }
 
+    /// Overwrites the elements from number `first` on.
+    ///
+    /// # Errors
+    /// See [`Buffer::write`].
+    ///
+    /// # Panics
+    /// When the range ends after the buffer.
+    pub(super) fn write_from(&self, first: usize, data: &[T]) -> Result<()> {
+        self.check_range(first, data.len());
+        let (offset, bytes) = (first * size_of::<T>(), bytemuck::cast_slice(data));
+        // SAFETY: the call waits, so `bytes` outlives the transfer, and it fits (asserted above).
+        self.done(WRITE, unsafe { self.enqueue_write(Waits::Yes, offset, bytes) })
+    }
+
     /// Overwrites the first bytes through pinned memory.
     fn write_by_parts(&self, staging: &mut Staging, bytes: &[u8]) -> Result<()> {
         let mut flights = [const { None }; 2];

@@ -31,6 +31,8 @@ pub struct DeviceHandle {
     device: Device,
     /// See [`DeviceHandle::with_compiler_options`].
     pub(super) compiler_options: String,
+    /// See [`DeviceHandle::ask_host`].
+    pub(super) asks_host: bool,
     /// The device, opened already; whoever opens it next has it.
     opened: Arc<Mutex<Option<DeviceContext>>>,
 }
@@ -38,7 +40,7 @@ pub struct DeviceHandle {
 impl DeviceHandle {
     /// Of a device that nobody has opened.
     pub(super) fn new(info: DeviceInfo, device: Device) -> Self {
-        DeviceHandle { info, device, compiler_options: String::new(), opened: Arc::default() }
+        DeviceHandle { info, device, compiler_options: String::new(), asks_host: false, opened: Arc::default() }
     }
 
     /// Keeps the opened device for whoever opens it next.

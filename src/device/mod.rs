@@ -44,6 +44,7 @@ mod kernel;
 mod launch;
 mod limits;
 mod list;
+mod on_host;
 mod owner;
 mod passes;
 mod picture;

@@ -5,11 +5,13 @@ use super::deferred::Deferred;
 use super::definitions::Definitions;
 use super::entry::{Entry, Pass, files_with};
 use super::launch::{FIRST_ITEMS, LaunchPlan, Shape, begin_launch, launch};
+use super::on_host::{MOST_ITEMS, MOST_S, OnHost};
 use super::{
     Cache, CompileOptions, DeviceContext, DeviceInfo, DeviceKind, Event, Kernel, Program, ProgramSource, build,
 };
 use crate::error::Result;
 use std::ops::Range;
+use std::time::Instant;
 
 /// The kernels of a tracer.
 pub(super) struct Passes {
@@ -17,6 +19,8 @@ pub(super) struct Passes {
     kernels: Vec<(Pass, Entry, Kernel)>,
     definitions: Definitions,
     cache: Option<Cache>,
+    /// Seconds that the host took for what it settled.
+    on_host_s: f64,
     /// Seconds that compilers took so far.
     pub compile_s: f64,
     /// What [`crate::tracer::Backend::notes`] tells.
@@ -38,7 +42,7 @@ impl Passes {
     /// that compiling takes.
     pub fn new(definitions: Definitions, cache: Option<&Cache>, info: &DeviceInfo, notes: Vec<String>) -> Self {
         let cache = cache.filter(|_| !info.keeps_kernels());
-        Passes { kernels: Vec::new(), definitions, cache: cache.cloned(), compile_s: 0.0, notes }
+        Passes { kernels: Vec::new(), definitions, cache: cache.cloned(), on_host_s: 0.0, compile_s: 0.0, notes }
     }
 
     /// What they are compiled with.
@@ -106,8 +110,8 @@ impl Passes {
         launch(kernel, &mut plan, shape, |_| ())
     }
 
-    /// Runs a kernel over `items` in work-groups of `work_group`, and again over those that it defers; `set` sets
-    /// all arguments but the last two. Returns seconds of device time.
+    /// Runs a kernel over `items` in work-groups of `work_group`, and again over those that it defers, unless `on_host`
+    /// settles them; `set` sets all arguments but the last two. Returns seconds of device time.
     #[allow(clippy::too_many_arguments)] // of which a struct would only be made to be taken apart
     pub fn run(
         &mut self,
@@ -116,7 +120,7 @@ impl Passes {
         set: &dyn Fn(&mut Kernel) -> Result<()>,
         plan: &mut LaunchPlan,
         (items, work_group): (Range<usize>, usize),
-        deferred: &Deferred,
+        (deferred, on_host): (&Deferred, Option<OnHost>),
         mut progress: impl FnMut(usize),
     ) -> Result<f64> {
         let kernel = self.kernel(context, Pass::First, entry)?;
@@ -125,7 +129,11 @@ impl Passes {
         if !self.defers() {
             return Ok(seconds);
         }
-        Ok(seconds + self.run_second(context, entry, set, deferred, work_group, || progress(0))?)
+        let count = deferred.take_count()?;
+        if count == 0 || self.settled(entry, deferred, count, on_host)? {
+            return Ok(seconds);
+        }
+        Ok(seconds + self.run_second(context, entry, set, (deferred, count), work_group, || progress(0))?)
     }
 
     /// The first pass of [`Passes::run`], without waiting for it if it is one launch. Of others `done` is told, with
@@ -144,6 +152,22 @@ impl Passes {
         begin_launch(kernel, plan, shape_of(context, entry, 0..items, work_group), done)
     }
 
+    /// Has the host settle what the first pass has deferred, where that takes less than to compile the second one.
+    /// Whether it does.
+    fn settled(&mut self, entry: Entry, deferred: &Deferred, count: usize, on_host: Option<OnHost>) -> Result<bool> {
+        let is_compiled = self.kernels.iter().any(|known| (known.0, known.1) == (Pass::Second, entry.second()));
+        let Some(on_host) = on_host.filter(|_| !is_compiled && count <= MOST_ITEMS && self.on_host_s < MOST_S) else {
+            return Ok(false);
+        };
+        let start = Instant::now();
+        let mut items = vec![0; count];
+        deferred.items.read_into(1, &mut items)?;
+        on_host(&items)?;
+        deferred.items.write(&[0])?;
+        self.on_host_s += start.elapsed().as_secs_f64();
+        Ok(true)
+    }
+
     /// Traces what the first pass has deferred again; `progress` is called after each launch. Returns seconds of device
     /// time.
     fn run_second(
@@ -151,14 +175,10 @@ impl Passes {
         context: &DeviceContext,
         entry: Entry,
         set: &dyn Fn(&mut Kernel) -> Result<()>,
-        deferred: &Deferred,
+        (deferred, count): (&Deferred, usize),
         work_group: usize,
         mut progress: impl FnMut(),
     ) -> Result<f64> {
-        let count = deferred.take_count()?;
-        if count == 0 {
-            return Ok(0.0);
-        }
         let kernel = self.kernel(context, Pass::Second, entry.second())?;
         set(kernel)?;
         // How long such items take is not known from the others. The first launch takes most lists whole: a small one

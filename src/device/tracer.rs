@@ -9,6 +9,7 @@ use super::definitions::Definitions;
 use super::entry::Entry;
 use super::in_place::Place;
 use super::launch::{Arguments, FIRST_ITEMS, FIRST_ITEMS_GPU, LaunchPlan};
+use super::on_host::{Host, OnHost};
 use super::passes::Passes;
 use super::picture::{Launches, PictureBuffers, RenderLists, Rendered, items_of};
 use super::points::PointProgram;
@@ -26,13 +27,14 @@ use crate::options::{Decisions, Intersector, Kernels, Memory, PacketSize, RayOrd
 use crate::pack::SceneBuffers;
 use crate::ray_order::{SortRoom, Sorted};
 use crate::reference::extreme::{all_extreme, answer_extreme};
-use crate::shared::{CameraSample, Hit, Light, RenderParams};
+use crate::shared::{COUNTERS, CameraSample, Hit, Light, RenderParams};
 use crate::tracer::{
     Adaptive, AllHits, AllHitsJob, Backend, Candidates, CandidatesJob, Progress, RayStream, RenderResult, Spent, Task,
     TraceJob, TraceResult, check_lights,
 };
 use crate::work::{PixelWork, RayWork};
 use bytemuck::Pod;
+use std::cell::Cell;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
@@ -87,6 +89,8 @@ pub struct OpenClBackend {
     place: Option<Place>,
     buffers: Arc<SceneBuffers>,
     options: TraceOptions,
+    /// What settles few items that are deferred.
+    host: Option<Host>,
     trace_plan: LaunchPlan,
     first_items: usize,
     work_group: usize,
@@ -206,6 +210,7 @@ impl OpenClBackend {
             picture_plan: None,
             buffers: buffers.clone(),
             options: *options,
+            host: device.asks_host.then(|| Host { buffers: buffers.clone(), options: *options }),
             trace_plan: LaunchPlan::on(&context, first_items),
             first_items,
             work_group: work_group_size(context.info()).0,
@@ -290,6 +295,8 @@ impl Backend for OpenClBackend {
 
     fn set_lights(&mut self, lights: &[Light]) -> Result<()> {
         check_lights(&self.buffers, lights)?;
+        // The host has the old ones.
+        self.host = None;
         self.scene.lights.write(lights)
     }
 
@@ -449,7 +456,7 @@ impl OpenClBackend {
                     batch.set_order(arguments.set(&hits)?.set(&next_hits)?.set_work(&next_work)?).map(|_| ())
                 };
                 let shape = (0..total, *work_group);
-                seconds += passes.run(context, Entry::TraceNext, &set, trace_plan, shape, &deferred, |_| ())?;
+                seconds += passes.run(context, Entry::TraceNext, &set, trace_plan, shape, (&deferred, None), |_| ())?;
             }
             result.kernel_s.push(seconds);
         }
@@ -472,10 +479,13 @@ impl OpenClBackend {
         any_hit: bool,
         done: impl FnMut(usize),
     ) -> Result<f64> {
-        let OpenClBackend { context, scene, passes, trace_plan, work_group, options, .. } = self;
+        let OpenClBackend { context, scene, passes, trace_plan, work_group, options, host, .. } = self;
         let set = |kernel: &mut Kernel| batch.set(scene.geometry_arguments(kernel)?, work).map(|_| ());
         let entry = Entry::of_batch(any_hit, options.packet_size);
-        passes.run(context, entry, &set, trace_plan, (0..rays, *work_group), batch.deferred, done)
+        let settle = |host: &Host, items: &[u32]| batch.settle(items, |rays| host.trace(rays, any_hit));
+        let on_host = host.as_ref().map(|host| move |items: &[u32]| settle(host, items));
+        let on_host = on_host.as_ref().map(|on_host| on_host as OnHost);
+        passes.run(context, entry, &set, trace_plan, (0..rays, *work_group), (batch.deferred, on_host), done)
     }
 
     /// Has a batch stream, if that is sooner done.
@@ -597,8 +607,9 @@ impl OpenClBackend {
         let before = deferred.resolved();
         let at_a_time = self.samples_of_launch(params);
         let entry = Entry::of_picture(self.options.packet_size);
-        let OpenClBackend { context, scene, passes, work_group, dearest_sample_s, .. } = self;
+        let OpenClBackend { context, scene, passes, work_group, dearest_sample_s, host, .. } = self;
         let mut rendered = Rendered::default();
+        let on_host_counts = Cell::new([0; COUNTERS]);
         let mut done = 0;
         let mut failed = None;
         let (pixels, samples) = (items_of(params), params.sample_count);
@@ -619,7 +630,18 @@ impl OpenClBackend {
                 arguments.set_work(work)?.set(&deferred.items)?.set(first_sample)?.set(end_sample).map(|_| ())
             };
             let shape = (part.start * apart..part.end * apart, *work_group);
-            let seconds = passes.run(context, entry, &set, plan, shape, deferred, |items| {
+            // Whole pixels.
+            let host = host.as_ref().filter(|_| apart == 1 && launched == samples as usize);
+            let on_host = host.map(|host| {
+                |items: &[u32]| {
+                    let counts = host.render(picture, params, items)?;
+                    let all = on_host_counts.get();
+                    on_host_counts.set(std::array::from_fn(|kind| all[kind] + counts[kind]));
+                    Ok(())
+                }
+            });
+            let on_host = on_host.as_ref().map(|on_host| on_host as OnHost);
+            let seconds = passes.run(context, entry, &set, plan, shape, (deferred, on_host), |items| {
                 done += items * samples_of_item;
                 progress((done as f64 / (pixels * samples as usize) as f64).min(1.0));
                 // After every launch, because a 32-bit counter could overflow over a whole picture.
@@ -636,6 +658,8 @@ impl OpenClBackend {
                 rendered.kernel_s += passes.run_short(context, Entry::AddSamples, &set, (part, *work_group))?;
             }
         }
+        let on_host = on_host_counts.get();
+        rendered.counts.iter_mut().zip(on_host).for_each(|(all, count)| *all += count);
         rendered.second_pass = deferred.resolved().map(|all| all - before.unwrap_or(0));
         failed.map_or(Ok(rendered), Err)
     }

@@ -231,7 +231,7 @@ impl<'a> TracerBuilder<'a> {
             }
         };
         let device = |selection| match selection {
-            Selection::OpenCl(device) => Some(device),
+            Selection::OpenCl(device) => Some(device.ask_host()),
             Selection::Reference { notice } => {
                 notes.extend(notice);
                 None

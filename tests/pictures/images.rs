@@ -3,17 +3,17 @@
 use super::wavefront::panes_of_doubt;
 use crate::common::device;
 use glam::{DAffine3, DQuat, DVec3, Vec3};
-use raybrook::low_level::device::OpenClBackend;
+use raybrook::low_level::device::{DeviceHandle, OpenClBackend};
 use raybrook::low_level::film::Film;
 use raybrook::low_level::options::{PacketSize, StructureKind, TraceOptions};
-use raybrook::low_level::pack::SceneBuffers;
+use raybrook::low_level::pack::{SceneBuffers, sample_positions};
 use raybrook::low_level::renderer::{Picture, build_and_open, complete, open_tracer, render};
 use raybrook::low_level::scene::{
     Background, Builder, Camera, Falloff, Image, Light, LightKind, Material, Pattern, Procedural, Samples, Scene,
     TextureSpace, Toon,
 };
-use raybrook::low_level::shared::COUNTERS;
-use raybrook::low_level::tracer::{RenderResult, Task};
+use raybrook::low_level::shared::{COUNTERS, CameraSample, Hit};
+use raybrook::low_level::tracer::{Backend, RenderResult, Task, TraceResult, is_hit};
 use std::sync::Arc;
 
 const SIZE: (u32, u32) = (61, 45); // no multiple of the tile's side
@@ -175,6 +175,70 @@ fn samples_of_items_of_their_own_make_the_same_bits() {
                 assert!(size != (16, 16) || resolved[0] > resolved[1] && resolved[1] >= 8, "{resolved:?}");
             }
         }
+    }
+}
+
+/// Few pixels and rays that the first pass defers are settled on the host, with the same bits, and without the second
+/// pass; nothing of them where lights have moved, of which the host does not know.
+#[test]
+fn the_host_settles_few_pixels_and_rays_with_the_same_bits() {
+    let Some(device) = device().map(DeviceHandle::ask_host) else { return };
+    let above = Light::directional(Vec3::Z, Vec3::splat(0.5));
+    let [eye, target] = [-4.0, 0.0].map(|z| Vec3::new(1.0, 1.0, z));
+    let camera = Camera { eye, target, up: Vec3::Y, fov_degrees: 90.0 };
+    let scene = Scene { camera: Some(camera), lights: vec![above], ..panes_of_doubt() };
+    for packet_size in [PacketSize::One, PacketSize::Sixteen] {
+        let options = TraceOptions { packet_size, ..TraceOptions::DEFAULT };
+        let buffers = Arc::new(SceneBuffers::new(&scene, &options).unwrap());
+        let mut ours = OpenClBackend::new(&device, &buffers, &options, DEPTH, None).unwrap();
+        let mut twin = open_tracer(None, &buffers, &options, DEPTH, None).unwrap();
+        ours.take_samples_apart(false);
+        [Task::Picture, Task::Batch].into_iter().for_each(|task| ours.prepare(task).unwrap());
+        let compiled_s = ours.compile_s();
+        for samples in [1, 2].map(Samples::PerPixel) {
+            let picture = Picture { camera, size: (16, 16), samples, depth: DEPTH, kill_weight: None };
+            let expected = render(twin.as_mut(), &buffers, &picture, &|_| ()).unwrap();
+            let got = render(&mut ours, &buffers, &picture, &|_| ()).unwrap();
+            assert_eq!(got.counts, expected.counts, "{packet_size} {samples:?}");
+            assert!(bits(&got.film) == bits(&expected.film), "{packet_size} {samples:?}");
+            assert!(got.second_pass >= Some(8), "{packet_size} {samples:?}: {:?}", got.second_pass);
+        }
+        // Lists have a place for each ray: here the pixels column by column.
+        let params = buffers.render_params(&camera, (16, 16), Samples::PerPixel(1), DEPTH, None);
+        let sample = sample_positions(Samples::PerPixel(1))[0];
+        let at = |i: usize| CameraSample { x: (i / 16) as f32 + sample.x, y: (i % 16) as f32 + sample.y, ..sample };
+        let list: Vec<_> = (0..250).map(at).collect();
+        let [expected, got] = [twin.as_mut(), &mut ours as &mut dyn Backend]
+            .map(|tracer| tracer.render(&params.of_list(250), &list, &|_| ()).unwrap());
+        assert_eq!(got.counts, expected.counts, "{packet_size}: list");
+        assert!(bits(&got.film) == bits(&expected.film), "{packet_size}: list");
+        assert!(got.second_pass > Some(0), "{packet_size}: {:?}", got.second_pass);
+        // To points on the diagonal, from outside of it.
+        let to = |i: usize| Vec3::new(i as f32, i as f32, 0.0) / 32.0;
+        let ray = |i: usize| (Vec3::new(0.75, 0.25, -1.0), to(i) - Vec3::new(0.75, 0.25, -1.0), 0.0, f32::INFINITY);
+        let batch = buffers.batch(32, ray, None);
+        for any_hit in [false, true] {
+            let job = batch.job(any_hit, 1);
+            let got = ours.trace(&job, &|_| ()).unwrap();
+            let expected = twin.trace(&job, &|_| ()).unwrap();
+            // Packets may find another one of several hits.
+            let primitive = |hit: &Hit| if any_hit { u32::from(is_hit(hit)) } else { hit.primitive };
+            let bits = |hit: &Hit| ([hit.t, hit.u, hit.v].map(f32::to_bits), primitive(hit));
+            let hits = |result: &TraceResult| result.hits.iter().map(bits).collect::<Vec<_>>();
+            assert_eq!(hits(&got), hits(&expected), "{packet_size} any hit: {any_hit}");
+            assert!(any_hit || got.second_pass > Some(0), "{packet_size}: {:?}", got.second_pass);
+        }
+        assert_eq!(ours.compile_s(), compiled_s, "{packet_size}: the second pass was compiled");
+
+        let mut lights = buffers.lights.clone();
+        lights.iter_mut().for_each(|light| light.intensity.x *= 0.5);
+        [&mut ours as &mut dyn Backend, twin.as_mut()].into_iter().for_each(|by| by.set_lights(&lights).unwrap());
+        let picture =
+            Picture { camera, size: (16, 16), samples: Samples::PerPixel(1), depth: DEPTH, kill_weight: None };
+        let expected = render(twin.as_mut(), &buffers, &picture, &|_| ()).unwrap();
+        let got = render(&mut ours, &buffers, &picture, &|_| ()).unwrap();
+        assert!(bits(&got.film) == bits(&expected.film), "{packet_size}: moved lights");
+        assert!(ours.compile_s() > compiled_s, "{packet_size}: the host has the lights before");
     }
 }
 

@@ -21,8 +21,14 @@ use std::sync::Arc;
 /// # Errors
 /// As [`open::choose`], and [`Error::Option`] when a device is named twice.
 pub fn choose(args: &DeviceArgs, talk: Talk) -> Result<Vec<Option<DeviceHandle>>> {
-    let Some(text) = args.device.as_deref() else { return Ok(vec![open::choose(args, talk)?]) };
-    select_several(text)?.into_iter().map(|selection| open::taken(selection, args, talk)).collect()
+    let devices = match args.device.as_deref() {
+        None => vec![open::choose(args, talk)?],
+        Some(text) => {
+            let selected = select_several(text)?.into_iter();
+            selected.map(|selection| open::taken(selection, args, talk)).collect::<Result<_>>()?
+        }
+    };
+    Ok(devices.into_iter().map(|device| device.map(DeviceHandle::ask_host)).collect())
 }
 
 /// The structures that several devices share where their choices agree.

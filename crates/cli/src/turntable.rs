@@ -169,7 +169,7 @@ pub fn run(args: &TurntableArgs, talk: Talk) -> Result<Code> {
     };
     claim(&frames, files.clone())?;
     args.animation.as_deref().map_or(Ok(()), check_writable)?;
-    let device = open::choose(&args.device, talk)?;
+    let device = open::choose(&args.device, talk)?.map(|device| device.ask_host());
     let budget = args.scene.memory.budget();
     let check_picture = |size, samples| {
         let of = (size, args.layers.bytes(size));

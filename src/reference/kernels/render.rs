@@ -170,3 +170,17 @@ with_fma! {
         }
     }
 }
+
+with_fma! {
+    /// Renders pixel (x, y) without counting the work.
+    pub fn render_one(
+        buffers: &SceneBuffers,
+        options: &TraceOptions,
+        params: &RenderParams,
+        samples: &[CameraSample],
+        x: usize,
+        y: usize,
+    ) -> RenderedPixel<NoWork> {
+        render_pixel(buffers, options, params, samples, x, y)
+    }
+}
