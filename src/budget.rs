@@ -23,8 +23,8 @@ pub(crate) fn try_repeat<T: Clone>(value: T, count: usize) -> std::result::Resul
     Ok(values)
 }
 
-/// `count` zeros, or none when the system has no memory for them. It gives them when they are first touched: by all cores,
-/// and not by one in advance.
+/// `count` zeros, or none when the system has no memory for them. It gives them when they are first touched: by all
+/// cores, and not by one in advance.
 pub(crate) fn try_zeros<T: Zeroable>(count: usize) -> Option<Vec<T>> {
     try_zeroed_vec(count).ok()
 }

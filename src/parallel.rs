@@ -107,6 +107,9 @@ pub fn extend<T: Send>(values: &mut Vec<T>, count: usize, value: impl Fn(usize) 
 }
 
 /// Appends pieces of so many values each, in order; `fill` puts those of a piece, by its number, into its room.
+///
+/// # Panics
+/// When a piece gets fewer values than that.
 pub fn extend_by_pieces<T: Copy + Send>(
     values: &mut Vec<T>,
     lengths: &[usize],

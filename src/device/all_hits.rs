@@ -95,21 +95,22 @@ impl Lister<'_> {
         let (mut hits, mut left) = (Vec::new(), Vec::new());
         for first in (0..job.rays.len()).step_by(parts.length()) {
             let part = first..job.rays.len().min(first + parts.length());
-            parts.run(self, job, part.clone(), order, &mut result)?;
+            let of_part = |rays: usize| progress(0.5 * part_of(first + rays, job.rays.len()));
+            parts.run(self, &job.rays[part.clone()], job.most, order, (&mut result, &of_part))?;
             let start = Instant::now();
             parts.take(job, part, extreme, (&mut counts, &mut hits, &mut left))?;
             result.read_s += start.elapsed().as_secs_f64();
-            progress(part_of(first + parts.length(), job.rays.len()));
         }
         let AllHits { upload_s, kernel_s, read_s, sort_s, .. } = result;
         let starts = AllHits::of_counts(&counts, false, job.budget)?.starts;
         let mut result = AllHits { starts, hits, upload_s, kernel_s, read_s, sort_s, ..AllHits::default() };
-        self.list_left(job, &left, &mut result)?;
+        self.list_left(job, &left, &mut result, &|done| progress(0.5 + 0.5 * done))?;
+        progress(1.0);
         Ok(result)
     }
 
     /// Lists the hits of those rays, ray by ray, into their places.
-    fn list_left(&mut self, job: &AllHitsJob, left: &[usize], result: &mut AllHits) -> Result<()> {
+    fn list_left(&mut self, job: &AllHitsJob, left: &[usize], result: &mut AllHits, progress: Progress) -> Result<()> {
         if left.is_empty() {
             return Ok(());
         }
@@ -117,7 +118,7 @@ impl Lister<'_> {
         let counts: Vec<u32> = left.iter().map(|&ray| result.count(ray) as u32).collect();
         let rays = Buffer::from_slice(self.context, "rays", &rays)?;
         let mut listed = AllHits::of_counts(&counts, true, job.budget)?;
-        result.kernel_s[1] += self.list(&rays, &mut listed, &|_| ())?;
+        result.kernel_s[1] += self.list(&rays, &mut listed, progress)?;
         result.read_s += listed.read_s;
         for (place, &ray) in left.iter().enumerate() {
             let range = result.range(ray);
@@ -200,16 +201,16 @@ impl PacketLists {
         self.rays.len()
     }
 
-    /// Lists the hits of the rays `part` of a job, in an order of their own. What it takes is added to `spent`.
+    /// Lists up to `most` hits of each of the rays of a part, in an order of their own. What it takes is added to
+    /// `spent`; `progress` is told how many rays are done.
     fn run(
         &self,
         lister: &mut Lister,
-        job: &AllHitsJob,
-        part: Range<usize>,
+        rays: &[TraceRay],
+        most: u32,
         order: &Order,
-        spent: &mut AllHits,
+        (spent, progress): (&mut AllHits, &dyn Fn(usize)),
     ) -> Result<()> {
-        let rays = &job.rays[part];
         let sorted = order.of_counts(rays)?;
         if let Some(sorted) = &sorted {
             *spent.sort_s.get_or_insert(0.0) += sorted.sort_s;
@@ -220,7 +221,8 @@ impl PacketLists {
         let order = DeviceOrder::new(lister.context, sorted.as_ref(), || Rows::find(rays))?;
         spent.upload_s += start.elapsed().as_secs_f64();
         // Of rays with more hits than packets list, which are listed one by one, it does not matter how many more.
-        let most = job.most.max(MOST_LISTED + 1);
+        let most = most.max(MOST_LISTED + 1);
+        let mut done = 0;
         spent.kernel_s[0] += lister.run(
             Entry::ListHitsPackets,
             rays.len(),
@@ -229,7 +231,10 @@ impl PacketLists {
                 let arguments = arguments.set(&self.starts)?.set(&self.hits)?.set(&self.used)?;
                 order.set(arguments)?.set(most)?.set(self.hits.len() as u32).map(|_| ())
             },
-            |_| (),
+            |rays| {
+                done += rays;
+                progress(done);
+            },
         )?;
         Ok(())
     }
@@ -248,9 +253,8 @@ impl PacketLists {
         let counts = &mut counts[part.clone()];
         counts.iter_mut().for_each(|count| *count = job.most.min(*count));
         let counts = &*counts;
-        let before = hits.len();
-        let total: usize = counts.iter().map(|&count| count as usize).sum();
-        AllHits::check_room((before + total, part.end), job.budget)?;
+        let total = counts.iter().map(|&count| count as usize).sum();
+        AllHits::make_room(hits, (total, part.end), job.budget)?;
         let mut starts = vec![0; part.len()];
         self.starts.read_into(0, &mut starts)?;
         for ray in extreme.rays().filter(|ray| part.contains(ray)) {

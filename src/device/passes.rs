@@ -20,7 +20,7 @@ pub(super) struct Passes {
     definitions: Definitions,
     cache: Option<Cache>,
     /// Seconds that the host took for what it settled.
-    on_host_s: f64,
+    pub on_host_s: f64,
     /// Seconds that compilers took so far.
     pub compile_s: f64,
     /// What [`crate::tracer::Backend::notes`] tells.

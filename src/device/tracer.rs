@@ -228,6 +228,12 @@ impl OpenClBackend {
         self.least_samples_apart = if apart { 2 } else { u32::MAX };
     }
 
+    /// Seconds that the host took for what it settled: see [`DeviceHandle::ask_host`].
+    #[doc(hidden)]
+    pub fn on_host_s(&self) -> f64 {
+        self.passes.on_host_s
+    }
+
     /// Has large transfers go through pinned memory, and batches stream, whatever the device. A GPU does so by itself
     /// once it pays.
     #[doc(hidden)]

@@ -112,6 +112,19 @@ impl AllHits {
         }
     }
 
+    /// Makes room for more hits behind others, which are then those of so many rays.
+    ///
+    /// # Errors
+    /// As [`AllHits::of_counts`].
+    pub(crate) fn make_room(
+        hits: &mut Vec<Hit>,
+        (more, rays): (usize, usize),
+        budget: Option<MemoryBudget>,
+    ) -> Result<()> {
+        let all = (hits.len() + more, rays);
+        AllHits::checked(all, budget, |need| hits.try_reserve(more).map_err(|_| need.refused()))
+    }
+
     /// Checks that there is memory for so many hits of so many rays.
     ///
     /// # Errors

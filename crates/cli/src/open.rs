@@ -214,7 +214,11 @@ impl Opened {
     /// Puts into the statistics of a run what the tracer knows at its end, with its seconds of device time.
     pub fn note_times(&self, kernel_s: Vec<f64>, stats: &mut RunStats, talk: Talk) {
         stats.kernel_s = device_times(self.tracer.as_ref(), kernel_s, talk);
-        stats.compile_s = Some(self.tracer.compile_s()); // the second pass is compiled when it is needed
+        // The second pass is compiled when it is needed, and everything waits for it.
+        let compile_s = self.tracer.compile_s();
+        let later_s = compile_s - stats.compile_s.unwrap_or(compile_s);
+        stats.wait_s = stats.wait_s.map(|wait_s| wait_s + later_s);
+        stats.compile_s = Some(compile_s);
         stats.lost.extend(self.tracer.lost().cloned());
         stats.set_rate();
     }
