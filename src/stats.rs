@@ -159,7 +159,7 @@ pub struct RunStats {
     /// Render with the layer of materials: their names, by their numbers.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub materials: Vec<String>,
-    /// Copying the result back.
+    /// Copying the result back, and of pictures the places of rays to the device.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub read_s: Option<f64>,
     /// Encoding and writing the picture.
@@ -204,7 +204,7 @@ impl RunStats {
             ("running kernels", Some(self.kernel_s.iter().sum::<f64>() - earlier.kernel_s)),
             ("deciding what is traced next", self.adaptive.map(|adaptive| adaptive.decide_s - earlier.decide_s)),
             ("textures on the host", self.wavefront.map(|wavefront| wavefront.host_pass_s)),
-            ("copying the result back", self.read_s.map(|read_s| read_s - earlier.read_s)),
+            ("copying rays and results", self.read_s.map(|read_s| read_s - earlier.read_s)),
             ("layers", self.layers_s),
             ("encoding and writing", self.write_s),
         ];

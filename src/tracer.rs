@@ -135,7 +135,7 @@ pub struct RenderResult {
     pub second_pass: Option<u64>,
     /// Seconds of device time, transfers left out. See [`Backend::has_clock`].
     pub kernel_s: f64,
-    /// Seconds that it took to fetch the picture.
+    /// Seconds that it took to send the places of the rays, and to fetch the picture.
     pub read_s: f64,
     /// Seconds for which nothing was traced because rows were still being taken, where they are taken while others are
     /// traced.

@@ -111,7 +111,7 @@ impl Passes {
     }
 
     /// Runs a kernel over `items` in work-groups of `work_group`, and again over those that it defers, unless `on_host`
-    /// settles them; `set` sets all arguments but the last two. Returns seconds of device time.
+    /// settles them; `set` sets all arguments but the last two. Returns seconds of device time, with the host's.
     #[allow(clippy::too_many_arguments)] // of which a struct would only be made to be taken apart
     pub fn run(
         &mut self,
@@ -130,10 +130,14 @@ impl Passes {
             return Ok(seconds);
         }
         let count = deferred.take_count()?;
-        if count == 0 || self.settled(entry, deferred, count, on_host)? {
+        if count == 0 {
             return Ok(seconds);
         }
-        Ok(seconds + self.run_second(context, entry, set, (deferred, count), work_group, || progress(0))?)
+        let second_s = match self.settle(entry, deferred, count, on_host)? {
+            Some(on_host_s) => on_host_s,
+            None => self.run_second(context, entry, set, (deferred, count), work_group, || progress(0))?,
+        };
+        Ok(seconds + second_s)
     }
 
     /// The first pass of [`Passes::run`], without waiting for it if it is one launch. Of others `done` is told, with
@@ -153,19 +157,26 @@ impl Passes {
     }
 
     /// Has the host settle what the first pass has deferred, where that takes less than to compile the second one.
-    /// Whether it does.
-    fn settled(&mut self, entry: Entry, deferred: &Deferred, count: usize, on_host: Option<OnHost>) -> Result<bool> {
+    /// Returns the seconds that took, which stand for the device's.
+    fn settle(
+        &mut self,
+        entry: Entry,
+        deferred: &Deferred,
+        count: usize,
+        on_host: Option<OnHost>,
+    ) -> Result<Option<f64>> {
         let is_compiled = self.kernels.iter().any(|known| (known.0, known.1) == (Pass::Second, entry.second()));
         let Some(on_host) = on_host.filter(|_| !is_compiled && count <= MOST_ITEMS && self.on_host_s < MOST_S) else {
-            return Ok(false);
+            return Ok(None);
         };
         let start = Instant::now();
         let mut items = vec![0; count];
         deferred.items.read_into(1, &mut items)?;
         on_host(&items)?;
         deferred.items.write(&[0])?;
-        self.on_host_s += start.elapsed().as_secs_f64();
-        Ok(true)
+        let seconds = start.elapsed().as_secs_f64();
+        self.on_host_s += seconds;
+        Ok(Some(seconds))
     }
 
     /// Traces what the first pass has deferred again; `progress` is called after each launch. Returns seconds of device

@@ -374,10 +374,12 @@ impl Backend for OpenClBackend {
 
     fn render(&mut self, params: &RenderParams, samples: &[CameraSample], progress: Progress) -> Result<RenderResult> {
         self.prepare(Task::Picture)?;
+        let start = Instant::now();
         let params = &self.with_samples_apart(params);
         let samples = Buffer::from_slice(&self.context, "samples", samples)?;
         let mut launches = self.launches_of(params)?;
         let picture = PictureBuffers::new(&self.context, params, samples)?;
+        let send_s = start.elapsed().as_secs_f64();
         let work = self.work_buffer::<PixelWork>(params.film_len())?;
         // Another part of the same picture begins where the last one ended, not with small launches again.
         if let Some((_, mut plan)) = self.picture_plan.take().filter(|(key, _)| *key == plan_key(params)) {
@@ -392,7 +394,7 @@ impl Backend for OpenClBackend {
         let (width, height) = params.film_size();
         let film = Film { width, height, pixels };
         let work = work.map(|work| work.read()).transpose()?;
-        let read_s = start.elapsed().as_secs_f64();
+        let read_s = send_s + start.elapsed().as_secs_f64();
         Ok(RenderResult { work, read_s, ..rendered.with_film(film) })
     }
 
