@@ -58,6 +58,7 @@ pub struct TracerBuilder<'a> {
     progress: Option<Box<dyn Fn(f64) + Send + Sync>>,
     stop: Option<Arc<AtomicBool>>,
     falls_back: bool,
+    asks_host: bool,
     memory_limit: Option<u64>,
     place: Place,
 }
@@ -72,6 +73,7 @@ impl<'a> TracerBuilder<'a> {
             progress: None,
             stop: None,
             falls_back: false,
+            asks_host: true,
             memory_limit: None,
             place: Place::Usual,
         }
@@ -96,6 +98,14 @@ impl<'a> TracerBuilder<'a> {
     /// not named, too. With an exact triangle test the hits are the same whatever the method.
     pub fn method(mut self, method: &str) -> Self {
         self.method = Some(method.to_owned());
+        self
+    }
+
+    /// The device settles by itself what only exact integers decide, also where the host would do so sooner than its
+    /// kernels for that are compiled: see [`ask_host`](crate::low_level::device::DeviceHandle::ask_host).
+    #[doc(hidden)]
+    pub fn device_alone(mut self) -> Self {
+        self.asks_host = false;
         self
     }
 
@@ -231,7 +241,8 @@ impl<'a> TracerBuilder<'a> {
             }
         };
         let device = |selection| match selection {
-            Selection::OpenCl(device) => Some(device.ask_host()),
+            Selection::OpenCl(device) if self.asks_host => Some(device.ask_host()),
+            Selection::OpenCl(device) => Some(device),
             Selection::Reference { notice } => {
                 notes.extend(notice);
                 None

@@ -28,7 +28,9 @@ fn later_runs_find_their_kernels() {
         String::from_utf8(output.stdout).unwrap()
     };
     let told = run("warm-up one.obj");
-    for words in ["closest hits", "any hits", "all hits", "crossings", "closest points", "picture of one.obj"] {
+    for words in
+        ["closest hits", "any hits", "all hits", "first hits", "crossings", "closest points", "picture of one.obj"]
+    {
         assert!(told.contains(words), "'{words}' is missing in: {told}");
     }
     assert!(told.lines().last().is_some_and(|line| line.starts_with(&device.info.name)), "{told}");

@@ -29,10 +29,11 @@ pub struct WarmUpArgs {
 /// Something to ask of a tracer, by its name.
 type Task = (&'static str, fn(&mut Tracer) -> Result<()>);
 
-const BATCHES: [Task; 6] = [
+const BATCHES: [Task; 7] = [
     ("closest hits", |tracer| tracer.closest_hits(&rays()).map(drop)),
     ("any hits", |tracer| tracer.any_hits(&rays()).map(drop)),
     ("all hits", |tracer| tracer.all_hits(&rays()).map(drop)),
+    ("first hits", |tracer| tracer.first_hits(&rays(), 2).map(drop)),
     ("counts of hits", |tracer| tracer.count_hits(&rays()).map(drop)),
     ("crossings", |tracer| tracer.count_crossings(&rays()).map(drop)),
     ("closest points", |tracer| tracer.closest_points(&[[0.0; 3]; 64]).map(drop)),
@@ -85,7 +86,8 @@ pub fn run(args: &WarmUpArgs, talk: Talk) -> Result<()> {
 }
 
 fn tracer_of(args: &WarmUpArgs, scene: &Scene) -> Result<Tracer> {
-    let builder = Tracer::builder(scene);
+    // All kernels are to be compiled.
+    let builder = Tracer::builder(scene).device_alone();
     let builder = match &args.device {
         Some(device) => builder.device(device),
         None => builder,
