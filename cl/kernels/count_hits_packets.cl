@@ -20,27 +20,27 @@ typedef struct {
     RayPacket packets[PACKETS_OF_ITEM];
     PacketHits found[PACKETS_OF_ITEM];
     float16 t_factor[PACKETS_OF_ITEM]; // see load_packet()
+    int16 answered[PACKETS_OF_ITEM];   // the lanes that have their counts
 } CountedTile;
 
-// Counts the hits of packets of sixteen rays each together, those of `full` (bits). Writes to `answered` the lanes that
-// have their counts. Returns the packets that were traced.
-uint count_together(GEOMETRY_PARAMETERS, const BatchTile* batch, const uint most, const uint full, CountedTile* tile,
-                    int16* answered) {
+// Counts the hits of packets of sixteen rays each together, those of `full` (bits). Returns the packets that were
+// traced.
+uint count_together(GEOMETRY_PARAMETERS, const BatchTile* batch, const uint most, const uint full, CountedTile* tile) {
     uint traced = 0u;
     for (uint rest = full; rest != 0u; rest &= rest - 1u) {
         const uint k = first_member(rest);
-        answered[k] = load_packet(batch, square_in_tile(&batch->tile, k), geometry->scale, &tile->packets[k],
-                                  &tile->t_factor[k]);
+        tile->answered[k] = load_packet(batch, square_in_tile(&batch->tile, k), geometry->scale, &tile->packets[k],
+                                        &tile->t_factor[k]);
         tile->found[k].most = most;
-        if (is_any16(answered[k])) traced |= 1u << k;
+        if (is_any16(tile->answered[k])) traced |= 1u << k;
     }
     if (traced == 0u) return 0u;
     TRAVERSE_PACKETS(GEOMETRY, tile->packets, traced, false, tile->found);
     for (uint rest = traced; rest != 0u; rest &= rest - 1u) {
         const uint k = first_member(rest), square = square_in_tile(&batch->tile, k);
         PacketHits* found = &tile->found[k];
-        answered[k] = answered[k] && !found->undecided_lanes;
-        for (ulong open = lanes_where16(answered[k] && found->postponed != 0u); open != 0ul;
+        tile->answered[k] = tile->answered[k] && !found->undecided_lanes;
+        for (ulong open = lanes_where16(tile->answered[k] && found->postponed != 0u); open != 0ul;
              open = other_lanes8(open)) {
             const uint lane = first_lane16(open);
             Ray ray = batch_ray(batch->rays, ray_in_square(batch, square, lane), geometry->scale);
@@ -50,22 +50,25 @@ uint count_together(GEOMETRY_PARAMETERS, const BatchTile* batch, const uint most
     return traced;
 }
 
-// Writes the counts of the rays of a work-item, of which there are `count` or it is full.
-void store_counts(GEOMETRY_PARAMETERS, const BatchTile* batch, __global uint* counts, const uint most,
-                  const uint count, uint traced, const CountedTile* tile, const int16* answered) {
-    for (; traced != 0u; traced &= traced - 1u) {
-        const uint k = first_member(traced), square = square_in_tile(&batch->tile, k);
+// Writes how many hits the rays of a work-item have, up to `most`: of `count` rays, or of a whole tile if it has fewer.
+// What packets do not answer is counted one ray after the other. Returns the packets that were traced.
+uint count_tile(GEOMETRY_PARAMETERS, const BatchTile* batch, __global uint* counts, const uint most, const uint count,
+                CountedTile* tile) {
+    const uint traced = count_together(GEOMETRY, batch, most, (1u << full_squares(count)) - 1u, tile);
+    for (uint rest = traced; rest != 0u; rest &= rest - 1u) {
+        const uint k = first_member(rest), square = square_in_tile(&batch->tile, k);
         const uint16 of_lanes = min(tile->found[k].count, most);
         for (uint lane = 0; lane < 16u; lane++)
             counts[ray_in_square(batch, square, lane)] = ((const uint*)&of_lanes)[lane];
     }
     for (uint k = 0; k < PACKETS_OF_ITEM; k++) {
-        for (ulong single = lanes_left(count, k, answered); single != 0ul; single = other_lanes8(single)) {
+        for (ulong single = lanes_left(count, k, tile->answered); single != 0ul; single = other_lanes8(single)) {
             const uint index = ray_in_square(batch, square_in_tile(&batch->tile, k), first_lane16(single));
             Ray ray = batch_ray(batch->rays, index, geometry->scale);
             counts[index] = count_of_ray(GEOMETRY, &ray, most);
         }
     }
+    return traced;
 }
 
 // How many hits each ray has, up to `most`.
@@ -80,9 +83,6 @@ __kernel void count_hits_packets(GEOMETRY_ARGUMENTS, __global const TraceRay* re
     const BatchTile batch = {rays, sorted, tile_at(item, row, in_bands)};
     prefetch_rays(&batch, item, end);
     CountedTile tile;
-    int16 answered[PACKETS_OF_ITEM];
-    const uint full = (1u << full_squares(end - item)) - 1u;
-    const uint traced = count_together(GEOMETRY_AT(&geometry), &batch, most, full, &tile, answered);
-    store_counts(GEOMETRY_AT(&geometry), &batch, counts, most, end - item, traced, &tile, answered);
+    (void)count_tile(GEOMETRY_AT(&geometry), &batch, counts, most, end - item, &tile);
 }
 #endif

@@ -114,16 +114,13 @@ __kernel void list_hits_packets(GEOMETRY_ARGUMENTS, __global const TraceRay* res
     const BatchTile batch = {rays, sorted, tile_at(item, row, in_bands)};
     prefetch_rays(&batch, item, end);
     CountedTile tile;
-    int16 answered[PACKETS_OF_ITEM];
-    const uint full = (1u << full_squares(end - item)) - 1u;
-    const uint traced = count_together(GEOMETRY_AT(&geometry), &batch, most, full, &tile, answered);
-    store_counts(GEOMETRY_AT(&geometry), &batch, counts, most, end - item, traced, &tile, answered);
+    const uint traced = count_tile(GEOMETRY_AT(&geometry), &batch, counts, most, end - item, &tile);
     for (uint i = item; i < min(item + 16u * PACKETS_OF_ITEM, end); i++)
         starts[ray_at(i, row, in_bands, sorted)] = NOT_LISTED;
     const HitLists lists = {starts, hits, used, room};
     for (uint rest = traced; rest != 0u; rest &= rest - 1u) {
         const uint k = first_member(rest);
         list_packet(GEOMETRY_AT(&geometry), &batch, square_in_tile(&batch.tile, k), &tile.packets[k], tile.t_factor[k],
-                    &tile.found[k], answered[k] && tile.found[k].count <= MOST_LISTED, &lists);
+                    &tile.found[k], tile.answered[k] && tile.found[k].count <= MOST_LISTED, &lists);
     }
 }

@@ -66,7 +66,7 @@ impl Lister<'_> {
             },
             |rays| {
                 done += rays;
-                progress(done as f64 / (passes * job.rays.len().max(1) as f64));
+                progress(part_of(done, job.rays.len()) / passes);
             },
         )?;
         let mut counts = counts.read()?;

@@ -79,9 +79,13 @@ impl Passes {
         self.kernel(context, Pass::First, entry).map(|_| ())
     }
 
+    fn has(&self, pass: Pass, entry: Entry) -> bool {
+        self.kernels.iter().any(|known| (known.0, known.1) == (pass, entry))
+    }
+
     /// A kernel, which is compiled with the others of its file when it is first needed.
     fn kernel(&mut self, context: &DeviceContext, pass: Pass, entry: Entry) -> Result<&mut Kernel> {
-        if !self.kernels.iter().any(|known| (known.0, known.1) == (pass, entry)) {
+        if !self.has(pass, entry) {
             let program = self.program(context, pass, entry.file())?;
             let files = files_with(entry.file());
             // What needs more files than its own has a program of its own.
@@ -165,7 +169,7 @@ impl Passes {
         count: usize,
         on_host: Option<OnHost>,
     ) -> Result<Option<f64>> {
-        let is_compiled = self.kernels.iter().any(|known| (known.0, known.1) == (Pass::Second, entry.second()));
+        let is_compiled = self.has(Pass::Second, entry.second());
         let Some(on_host) = on_host.filter(|_| !is_compiled && count <= MOST_ITEMS && self.on_host_s < MOST_S) else {
             return Ok(None);
         };

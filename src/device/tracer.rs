@@ -89,8 +89,8 @@ pub struct OpenClBackend {
     place: Option<Place>,
     buffers: Arc<SceneBuffers>,
     options: TraceOptions,
-    /// What settles few items that are deferred.
-    host: Option<Host>,
+    /// Whether the host settles few items that are deferred.
+    asks_host: bool,
     trace_plan: LaunchPlan,
     first_items: usize,
     work_group: usize,
@@ -210,7 +210,7 @@ impl OpenClBackend {
             picture_plan: None,
             buffers: buffers.clone(),
             options: *options,
-            host: device.asks_host.then(|| Host { buffers: buffers.clone(), options: *options }),
+            asks_host: device.asks_host,
             trace_plan: LaunchPlan::on(&context, first_items),
             first_items,
             work_group: work_group_size(context.info()).0,
@@ -302,7 +302,7 @@ impl Backend for OpenClBackend {
     fn set_lights(&mut self, lights: &[Light]) -> Result<()> {
         check_lights(&self.buffers, lights)?;
         // The host has the old ones.
-        self.host = None;
+        self.asks_host = false;
         self.scene.lights.write(lights)
     }
 
@@ -432,6 +432,11 @@ impl OpenClBackend {
         Order { options: self.options, buffers: self.buffers.clone(), kind: self.context.info().kind }
     }
 
+    /// What settles few items that are deferred.
+    fn host(&self) -> Option<Host> {
+        self.asks_host.then(|| Host { buffers: self.buffers.clone(), options: self.options })
+    }
+
     /// Traces a batch, in another order than its own if one is given.
     fn trace_batch(&mut self, job: &TraceJob, sorted: Option<Sorted>, progress: Progress) -> Result<TraceResult> {
         let total = job.rays.len();
@@ -487,12 +492,13 @@ impl OpenClBackend {
         any_hit: bool,
         done: impl FnMut(usize),
     ) -> Result<f64> {
-        let OpenClBackend { context, scene, passes, trace_plan, work_group, options, host, .. } = self;
+        let host = self.host();
+        let OpenClBackend { context, scene, passes, trace_plan, work_group, options, .. } = self;
         let set = |kernel: &mut Kernel| batch.set(scene.geometry_arguments(kernel)?, work).map(|_| ());
         let entry = Entry::of_batch(any_hit, options.packet_size);
-        let settle = |host: &Host, items: &[u32]| batch.settle(items, |rays| host.trace(rays, any_hit));
-        let on_host = host.as_ref().map(|host| move |items: &[u32]| settle(host, items));
-        let on_host = on_host.as_ref().map(|on_host| on_host as OnHost);
+        let settle =
+            host.as_ref().map(|host| move |items: &[u32]| batch.settle(items, |rays| host.trace(rays, any_hit)));
+        let on_host = settle.as_ref().map(|settle| settle as OnHost);
         passes.run(context, entry, &set, trace_plan, (0..rays, *work_group), (batch.deferred, on_host), done)
     }
 
@@ -615,7 +621,8 @@ impl OpenClBackend {
         let before = deferred.resolved();
         let at_a_time = self.samples_of_launch(params);
         let entry = Entry::of_picture(self.options.packet_size);
-        let OpenClBackend { context, scene, passes, work_group, dearest_sample_s, host, .. } = self;
+        let of_picture = self.host();
+        let OpenClBackend { context, scene, passes, work_group, dearest_sample_s, .. } = self;
         let mut rendered = Rendered::default();
         let on_host_counts = Cell::new([0; COUNTERS]);
         let mut done = 0;
@@ -639,7 +646,7 @@ impl OpenClBackend {
             };
             let shape = (part.start * apart..part.end * apart, *work_group);
             // Whole pixels.
-            let host = host.as_ref().filter(|_| apart == 1 && launched == samples as usize);
+            let host = of_picture.as_ref().filter(|_| apart == 1 && launched == samples as usize);
             let on_host = host.map(|host| {
                 |items: &[u32]| {
                     let counts = host.render(picture, params, items)?;
