@@ -33,12 +33,16 @@ const POINTS_AT_A_TIME: usize = 1 << 18;
 /// largest float, and before that f64 has to tell the triangles apart.
 const FARTHEST_POINT: f32 = (1u64 << 40) as f32;
 
-/// A scene as point queries want it.
+/// A scene as point queries want it: on a processor's device, or on another one, or the reference.
 ///
 /// # Errors
 /// As [`PointScene::new`].
-pub fn point_scene(buffers: &Arc<SceneBuffers>, budget: &MemoryBudget) -> Result<Arc<PointScene>> {
-    PointScene::new(buffers, |i| given_triangle(buffers, i), budget).map(Arc::new)
+pub fn point_scene(
+    buffers: &Arc<SceneBuffers>,
+    is_for_processor: bool,
+    budget: &MemoryBudget,
+) -> Result<Arc<PointScene>> {
+    PointScene::new(buffers, |i| given_triangle(buffers, i), is_for_processor, budget).map(Arc::new)
 }
 
 /// The vertices of a triangle in world units, also of one without area; some are not finite of one that has no closest

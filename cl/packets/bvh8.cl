@@ -186,24 +186,31 @@ void trace_in_turn(GEOMETRY_PARAMETERS, const RayPacket* packets, WaitingRays* w
     }
 }
 
-// The children of a node that rays enter, in `slots`, the farthest first, or with any_order in theirs; when they do in
-// `t_enter`. Returns how many there are.
+// The children of a node that rays enter, by their numbers: the nearest last, before it the second and the third, as
+// find_nearest_children() has them; or with any_order in their own order. In `t_enter`, when each ray enters them.
+// Returns how many there are.
 uint children_of_packet(GEOMETRY_PARAMETERS, const RayPacket* p, uint node, float16 t_limit, const bool any_order,
-                        uint* slots, float16* t_enter) {
-    float order[8];
+                        FarChild* list, float16* t_enter) {
+    float enter[8];
 #pragma unroll
     for (uint slot = 0; slot < 8u; slot++) t_enter[slot] = clip_packet(GEOMETRY, p, node, slot, t_limit);
     const float8 first =
         least_of_lanes(t_enter[0], t_enter[1], t_enter[2], t_enter[3], t_enter[4], t_enter[5], t_enter[6], t_enter[7]);
-    vstore8(first, 0, order);
+    vstore8(first, 0, enter);
+    const ulong met = lanes_where8(first < INFINITY);
     uint count = 0;
-    for (ulong met = lanes_where8(first < INFINITY); met != 0ul; met = other_lanes8(met)) {
-        const uint slot = first_lane8(met);
-        uint place = count++;
-        if (!any_order)
-            for (; place > 0u && order[slots[place - 1u]] < order[slot]; place--) slots[place] = slots[place - 1u];
-        slots[place] = slot;
+    if (any_order) {
+        for (ulong rest = met; rest != 0ul; rest = other_lanes8(rest))
+            list[count++] = child_of_node(GEOMETRY, node, first_lane8(rest), enter, true);
+        return count;
     }
+    if (met == 0ul) return 0u;
+    NearChildren n;
+    find_nearest_children(GEOMETRY, node, met, enter, true, list, &n);
+    count = n.others;
+    if (n.has_third) list[count++] = n.third;
+    if (n.has_second) list[count++] = n.second;
+    list[count++] = n.nearest;
     return count;
 }
 
@@ -249,12 +256,13 @@ void traverse_bvh8_packet(GEOMETRY_PARAMETERS, const RayPacket* p, const RayRang
         }
         if ((link & BVH_LEAF) == 0u) {
             const uint node = BVH8_NODE_RECORDS * link;
-            uint slots[8];
+            FarChild children[8];
             float16 t_enter[8];
-            const uint count = children_of_packet(GEOMETRY, p, node, hits->t_limit, ANY_ORDER(any_hit), slots, t_enter);
+            const uint count =
+                children_of_packet(GEOMETRY, p, node, hits->t_limit, ANY_ORDER(any_hit), children, t_enter);
             for (uint i = 0; i < count; i++, stacked++) {
-                stack[stacked].t_enter = t_enter[slots[i]];
-                stack[stacked].link = LOAD_LINK(geometry, node, slots[i]);
+                stack[stacked].t_enter = t_enter[children[i].link];
+                stack[stacked].link = LOAD_LINK(geometry, node, children[i].link);
             }
         } else {
             const int4 leaf = leaf_of_link(link);

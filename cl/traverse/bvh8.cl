@@ -9,25 +9,6 @@
 // nodes: BVH8_NODE_RECORDS records a node; what they are, and what a link is, src/accel/bvh8.rs says. bounds: packets
 // of triangles (cl/intersect/filter.cl). Boxes are tested with the padding of cl/shared/slab.cl.
 
-#ifndef STACK_SIZE
-#define STACK_SIZE 64 // the host knows it
-#endif
-
-// A far child, and where the ray enters it.
-typedef struct {
-    uint link;
-    float t_enter;
-} FarChild;
-
-// The nearest of what waits on the stack and is not behind the hit, of which the last entry is entered before
-// everything.
-INLINE uint next_on_stack(const FarChild* stack, uint* stacked, float t_limit) {
-    uint top = *stacked;
-    while (t_limit < stack[top].t_enter) top--;
-    *stacked = top - 1u;
-    return stack[top].link;
-}
-
 // When the ray enters the boxes of a node, and leaves them.
 typedef struct {
     float8 enter, leave;
@@ -50,50 +31,6 @@ Interval8 clip_to_eight(GEOMETRY_PARAMETERS, const Slabs* s, uint3 near, uint no
 // before it.
 uint3 near_planes(float3 inv) {
     return (uint3)(inv.x < 0.0f ? 2u : 0u, inv.y < 0.0f ? 6u : 4u, inv.z < 0.0f ? 10u : 8u);
-}
-
-// What comes after the inner node `node`, of whose children a ray meets those of `met` and enters them at `enter`: the
-// nearest of them, or with any_hit the last one, while the others wait; or what waited before.
-INLINE uint next_of_children(GEOMETRY_PARAMETERS, uint node, ulong met, const float* enter, float t_limit,
-                             const bool any_hit, FarChild* stack, uint* stacked) {
-    if (any_hit && met != 0ul) {
-        uint lane = first_lane8(met), top = *stacked;
-        for (met = other_lanes8(met); met != 0ul; met = other_lanes8(met)) {
-            const FarChild child = {LOAD_LINK(geometry, node, lane), enter[lane]};
-            stack[++top] = child;
-            lane = first_lane8(met);
-        }
-        if (top != *stacked) COUNT_DEEPEST(geometry, top + 1u);
-        *stacked = top;
-        return LOAD_LINK(geometry, node, lane);
-    }
-    if (met != 0ul) { // one or two children, the most frequent cases, without a loop
-        const uint lane0 = first_lane8(met);
-        if (is_only_lane8(met, lane0)) return LOAD_LINK(geometry, node, lane0);
-        const ulong others = other_lanes8(met);
-        const uint lane1 = first_lane8(others);
-        if (is_only_lane8(others, lane1)) {
-            const uint link0 = LOAD_LINK(geometry, node, lane0), link1 = LOAD_LINK(geometry, node, lane1);
-            const bool goes_to1 = enter[lane1] < enter[lane0];
-            const FarChild far = {goes_to1 ? link0 : link1, goes_to1 ? enter[lane0] : enter[lane1]};
-            stack[++*stacked] = far;
-            COUNT_DEEPEST(geometry, *stacked + 1u);
-            return goes_to1 ? link1 : link0;
-        }
-    }
-    // On the stack, the nearest on top; of two at the same t the first one.
-    uint top = *stacked;
-    const uint lowest = top + 1u;
-    for (; met != 0ul; met = other_lanes8(met)) {
-        const uint lane = first_lane8(met);
-        const FarChild child = {LOAD_LINK(geometry, node, lane), enter[lane]};
-        uint place = ++top;
-        for (; place > lowest && stack[place - 1u].t_enter <= child.t_enter; place--) stack[place] = stack[place - 1u];
-        stack[place] = child;
-    }
-    *stacked = top;
-    COUNT_DEEPEST(geometry, top);
-    return next_on_stack(stack, stacked, t_limit);
 }
 
 // What comes after the inner node `link`, as next_of_children().

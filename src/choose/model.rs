@@ -84,7 +84,12 @@ impl Workload<'_> {
             None => reason.to_owned(),
         };
         if self.points {
-            return (StructureKind::Bvh2, "closest points are found in it, and in no other".to_owned());
+            return match self.kind() {
+                Some(DeviceKind::Cpu) => {
+                    (StructureKind::Bvh8, "closest points are found in it, eight boxes at a time".to_owned())
+                }
+                _ => (StructureKind::Bvh2, "closest points are found in it, and in no other".to_owned()),
+            };
         }
         if self.is_worth_sharing() {
             let shared = self.shared_triangles;
@@ -269,17 +274,20 @@ mod tests {
 
     #[test]
     fn closest_points_are_looked_for_where_they_are_found() {
-        let cpu = device(DeviceKind::Cpu);
-        let workload =
-            Workload { points: true, shared_triangles: WORTH_SHARING, ..Workload::without_scene(Some(&cpu)) };
-        let tuned =
-            TunedChoice { structure: StructureKind::Bvh8, packet_size: PacketSize::Sixteen, reason: String::new() };
-        let chosen = Request::default().choose(&workload, Some(&tuned)).unwrap();
-        assert_eq!((chosen.options.kind(), chosen.options.packet_size), (StructureKind::Bvh2, PacketSize::One));
-        assert!(about(&chosen, "structure").reason.contains("closest points"));
-        let mut asked = Request::default();
-        asked.set(StructureKind::OPTION, "kd").unwrap();
-        assert_eq!(asked.choose(&workload, None).unwrap().options.kind(), StructureKind::Kd);
+        let (cpu, gpu) = (device(DeviceKind::Cpu), device(DeviceKind::Gpu));
+        let devices =
+            [(Some(&cpu), StructureKind::Bvh8), (Some(&gpu), StructureKind::Bvh2), (None, StructureKind::Bvh2)];
+        for (info, expected) in devices {
+            let workload = Workload { points: true, shared_triangles: WORTH_SHARING, ..Workload::without_scene(info) };
+            let tuned =
+                TunedChoice { structure: StructureKind::Grid, packet_size: PacketSize::One, reason: String::new() };
+            let chosen = Request::default().choose(&workload, Some(&tuned)).unwrap();
+            assert_eq!(chosen.options.kind(), expected);
+            assert!(about(&chosen, "structure").reason.contains("closest points"));
+            let mut asked = Request::default();
+            asked.set(StructureKind::OPTION, "kd").unwrap();
+            assert_eq!(asked.choose(&workload, None).unwrap().options.kind(), StructureKind::Kd);
+        }
     }
 
     #[test]

@@ -103,7 +103,7 @@ impl Definitions {
 /// Entries by which stacks grow: nearly every scene then has the same kernels, which can be compiled before it is
 /// known. A hierarchy of eight children a node fills up to seven entries a level. Those that are not used cost nothing
 /// but memory.
-fn stack_step(accel: StructureKind) -> u32 {
+pub(super) fn stack_step(accel: StructureKind) -> u32 {
     if accel == StructureKind::Bvh8 { 128 } else { 64 }
 }
 

@@ -1,5 +1,6 @@
 //! Triangles that may be the nearest ones of points, on a device.
 
+use super::definitions::stack_step;
 use super::launch::{Arguments, FIRST_ITEMS, FIRST_ITEMS_GPU, LaunchPlan, Shape, launch};
 use super::passes::Passes;
 use super::scene::{Array, DeviceScene};
@@ -7,8 +8,8 @@ use super::{Buffer, CompileOptions, DeviceContext, DeviceKind, Kernel, ProgramSo
 use crate::bounds::MOST_CANDIDATES;
 use crate::error::Result;
 use crate::layout::Float4;
-use crate::options::TraceOptions;
-use crate::pack::PointScene;
+use crate::options::{StructureKind, TraceOptions};
+use crate::pack::{PointScene, SceneBuffers};
 use crate::shared::KdNode;
 use crate::tracer::{Candidates, CandidatesJob, Progress};
 use std::sync::Arc;
@@ -16,8 +17,27 @@ use std::sync::Arc;
 /// The kernel, and the scene that it was last asked for.
 pub(super) struct PointProgram {
     kernel: Kernel,
+    made_for: Hierarchy,
     scene: Option<DevicePointScene>,
     plan: LaunchPlan,
+}
+
+/// What kernels of points are compiled for.
+#[derive(Clone, Copy, PartialEq)]
+struct Hierarchy {
+    is_wide: bool,
+    stack_entries: u32,
+}
+
+impl Hierarchy {
+    /// With so many entries that nearly every scene has the same kernel.
+    fn new(is_wide: bool, stack_entries: u32) -> Hierarchy {
+        let stack_entries = match is_wide {
+            true => stack_entries.next_multiple_of(stack_step(StructureKind::Bvh8)),
+            false => TraceOptions::MAX_DEPTH + 1,
+        };
+        Hierarchy { is_wide, stack_entries }
+    }
 }
 
 /// A scene on the device.
@@ -25,7 +45,7 @@ struct DevicePointScene {
     scene: Arc<PointScene>,
     nodes: Buffer<KdNode>,
     references: Buffer<u32>,
-    vertices: Buffer<Float4>,
+    triangles: Buffer<Float4>,
 }
 
 impl DevicePointScene {
@@ -41,9 +61,9 @@ impl DevicePointScene {
                 Some(Array::Buffer(references)) => references.share(),
                 _ => Buffer::from_slice(context, "references for points", scene.references())?,
             },
-            vertices: match of_rays.and_then(DeviceScene::indexed_vertices) {
-                Some(vertices) => vertices.share(),
-                None => Buffer::from_slice(context, "vertices for points", scene.all_vertices())?,
+            triangles: match of_rays.and_then(|of_rays| of_rays.triangles_of_points(scene.is_wide())) {
+                Some(triangles) => triangles.share(),
+                None => Buffer::from_slice(context, "triangles for points", scene.triangles())?,
             },
             scene: scene.clone(),
         };
@@ -53,12 +73,18 @@ impl DevicePointScene {
 }
 
 impl PointProgram {
-    pub fn new(context: &DeviceContext, passes: &mut Passes) -> Result<Self> {
-        let options = CompileOptions::new().define("STACK_SIZE", TraceOptions::MAX_DEPTH + 1);
-        let program = passes.build(context, &ProgramSource::closest_point(), &options)?;
+    /// For the points of a scene that rays have packed, as far as that tells what they go through.
+    pub fn new(context: &DeviceContext, passes: &mut Passes, buffers: &SceneBuffers) -> Result<Self> {
+        let is_wide = PointScene::is_wide_for(buffers, context.info().kind == DeviceKind::Cpu);
+        PointProgram::of(context, passes, Hierarchy::new(is_wide, buffers.stack_entries))
+    }
+
+    fn of(context: &DeviceContext, passes: &mut Passes, made_for: Hierarchy) -> Result<Self> {
+        let options = CompileOptions::new().define("STACK_SIZE", made_for.stack_entries);
+        let program = passes.build(context, &ProgramSource::closest_point(made_for.is_wide), &options)?;
         let is_gpu = context.info().kind == DeviceKind::Gpu;
         let plan = LaunchPlan::on(context, if is_gpu { FIRST_ITEMS_GPU } else { FIRST_ITEMS });
-        Ok(PointProgram { kernel: program.kernel("list_candidates")?, scene: None, plan })
+        Ok(PointProgram { kernel: program.kernel("list_candidates")?, made_for, scene: None, plan })
     }
 
     /// Finds the candidates of a job; `work_group` items at a time. `of_rays`: the arrays that rays go through, if the
@@ -66,11 +92,16 @@ impl PointProgram {
     pub fn run(
         &mut self,
         context: &DeviceContext,
+        passes: &mut Passes,
         of_rays: Option<&DeviceScene>,
         job: &CandidatesJob,
         work_group: usize,
         progress: Progress,
     ) -> Result<Candidates> {
+        let made_for = Hierarchy::new(job.scene.is_wide(), job.scene.stack_entries());
+        if made_for != self.made_for {
+            *self = PointProgram::of(context, passes, made_for)?;
+        }
         let scene = match self.scene.take().filter(|known| Arc::ptr_eq(&known.scene, job.scene)) {
             Some(known) => known,
             None => DevicePointScene::upload(context, job.scene, of_rays)?,
@@ -81,7 +112,7 @@ impl PointProgram {
         let counts = Buffer::<u32>::empty(context, "numbers of candidates", total)?;
         let listed = Buffer::<u32>::empty(context, "candidates", total * MOST_CANDIDATES as usize)?;
         let arguments = Arguments::of(&mut self.kernel).set(&scene.nodes)?.set(&scene.references)?;
-        arguments.set(&scene.vertices)?.set(&points)?.set(&counts)?.set(&listed)?;
+        arguments.set(&scene.triangles)?.set(&points)?.set(&counts)?.set(&listed)?;
         let mut done = 0;
         let shape = Shape { items: 0..total, work_group, items_of_one: 1, workers: None };
         let kernel_s = launch(&mut self.kernel, &mut self.plan, shape, |items| {

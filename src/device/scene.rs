@@ -98,11 +98,13 @@ impl DeviceScene {
         Ok(scene)
     }
 
-    /// Three vertices of each triangle in a buffer, w = 0, if they are there like that.
-    pub fn indexed_vertices(&self) -> Option<&Buffer<Float4>> {
-        match (&self.surface_vertices, &self.vertices) {
-            (Some(vertices), _) => Some(vertices),
-            (None, Array::Buffer(vertices)) if self.has_plain_triangles => Some(vertices),
+    /// What [`PointScene::triangles`](crate::pack::PointScene::triangles) of the same structure are, if they are there
+    /// in a buffer.
+    pub fn triangles_of_points(&self, are_wide: bool) -> Option<&Buffer<Float4>> {
+        match (&self.surface_vertices, &self.vertices, &self.bounds) {
+            (_, _, Array::Buffer(packets)) if are_wide => Some(packets),
+            (Some(vertices), _, _) if !are_wide => Some(vertices),
+            (None, Array::Buffer(vertices), _) if !are_wide && self.has_plain_triangles => Some(vertices),
             _ => None,
         }
     }

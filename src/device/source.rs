@@ -72,6 +72,7 @@ pub const KERNEL_FILES: &[(&str, &str)] = kernel_files![
     "cl/traverse/thesis_restart.cl",
     "cl/traverse/bvh2.cl",
     "cl/traverse/instances.cl",
+    "cl/traverse/wide_stack.cl",
     "cl/traverse/bvh8.cl",
     "cl/packets/ray_packet.cl",
     "cl/packets/frustum.cl",
@@ -133,9 +134,33 @@ const EMPTY_FILE: &[(&str, &str)] = kernel_files!["cl/kernels/empty.cl"];
 const ADAPTIVE_FILES: &[(&str, &str)] =
     kernel_files!["cl/shared/types.cl", "cl/shared/constants.cl", "cl/shared/math.cl", "cl/kernels/adaptive.cl"];
 
-/// The kernel of point queries, and what it needs.
-const CLOSEST_POINT_FILES: &[(&str, &str)] =
-    kernel_files!["cl/shared/types.cl", "cl/shared/constants.cl", "cl/shared/math.cl", "cl/kernels/closest_point.cl"];
+/// The kernel of point queries in a binary hierarchy of boxes, and what it needs.
+const CLOSEST_POINT_FILES: &[(&str, &str)] = kernel_files![
+    "cl/shared/types.cl",
+    "cl/shared/constants.cl",
+    "cl/shared/math.cl",
+    "cl/lanes/one.cl",
+    "cl/lanes/vectors.cl",
+    "cl/points/scene.cl",
+    "cl/points/distance.cl",
+    "cl/points/binary.cl",
+    "cl/kernels/closest_point.cl",
+];
+
+/// The same in one of eight children a node.
+const WIDE_CLOSEST_POINT_FILES: &[(&str, &str)] = kernel_files![
+    "cl/shared/types.cl",
+    "cl/shared/constants.cl",
+    "cl/shared/math.cl",
+    "cl/lanes/eight.cl",
+    "cl/lanes/several.cl",
+    "cl/lanes/vectors.cl",
+    "cl/points/scene.cl",
+    "cl/traverse/wide_stack.cl",
+    "cl/points/distance.cl",
+    "cl/points/wide.cl",
+    "cl/kernels/closest_point.cl",
+];
 
 /// A program that measures the device.
 const LIMITS_FILE: &[(&str, &str)] = kernel_files!["cl/kernels/limits.cl"];
@@ -169,9 +194,9 @@ impl ProgramSource {
         Self::new([("constants", constants)].into_iter().chain(ADAPTIVE_FILES.iter().copied()))
     }
 
-    /// The kernel of point queries.
-    pub fn closest_point() -> Self {
-        Self::new(CLOSEST_POINT_FILES.iter().copied())
+    /// The kernel of point queries: in nodes of eight children if that `is_wide`, else of two.
+    pub fn closest_point(is_wide: bool) -> Self {
+        Self::new(if is_wide { WIDE_CLOSEST_POINT_FILES } else { CLOSEST_POINT_FILES }.iter().copied())
     }
 
     /// The kernels that measure what the device can do at most.

@@ -284,7 +284,7 @@ impl Backend for OpenClBackend {
             }
             (Task::Points, _) => {
                 if self.points.is_none() {
-                    self.points = Some(PointProgram::new(&self.context, &mut self.passes)?);
+                    self.points = Some(PointProgram::new(&self.context, &mut self.passes, &self.buffers)?);
                 }
                 Ok(())
             }
@@ -369,7 +369,7 @@ impl Backend for OpenClBackend {
         self.prepare(Task::Points)?;
         let points = self.points.as_mut().expect("it was just prepared");
         let of_rays = Arc::ptr_eq(job.scene.buffers(), &self.buffers).then_some(&self.scene);
-        points.run(&self.context, of_rays, job, self.work_group, progress)
+        points.run(&self.context, &mut self.passes, of_rays, job, self.work_group, progress)
     }
 
     fn render(&mut self, params: &RenderParams, samples: &[CameraSample], progress: Progress) -> Result<RenderResult> {

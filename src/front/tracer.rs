@@ -449,7 +449,9 @@ impl Tracer {
 
     /// What point queries go through, built when it is first needed.
     fn point_scene(&mut self) -> Result<Arc<PointScene>> {
-        let known = self.points.take().map_or_else(|| point_scene(&self.buffers, &self.chosen.budget()), Ok)?;
+        let is_for_processor = self.device_kind() == Some(DeviceKind::Cpu);
+        let new = || point_scene(&self.buffers, is_for_processor, &self.chosen.budget());
+        let known = self.points.take().map_or_else(new, Ok)?;
         Ok(self.points.insert(known).clone())
     }
 

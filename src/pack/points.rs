@@ -1,12 +1,12 @@
-//! What point queries go through: a binary hierarchy of boxes over all triangles, also those without area, which rays
-//! never hit but which have a closest point.
+//! What point queries go through: a hierarchy of boxes over all triangles, also those without area, which rays never
+//! hit but which have a closest point. It is binary, or of eight children a node ("wide"), for processors.
 //!
 //! That is the tracer's own structure where it is such a hierarchy and all triangles are in it. Else one is built when
 //! the first point is asked for, and kept.
 
 use super::SceneBuffers;
 use super::space::tracing_scale;
-use crate::accel::{Aabb, BuildOptions, StructureArrays, build_bvh, pack_bvh2};
+use crate::accel::{Aabb, BuildOptions, Bvh8, Padding, StructureArrays, build_bvh, pack_bvh2, pack_bvh8};
 use crate::budget::{CHECKED_FROM_BYTES, DecidedBy, MemoryBudget, Need};
 use crate::error::Result;
 use crate::layout::Float4;
@@ -22,6 +22,7 @@ pub struct PointScene {
     buffers: Arc<SceneBuffers>,
     /// What was built for points; `None`: the arrays are those of rays.
     own: Option<OwnArrays>,
+    is_wide: bool,
     scale: f32,
     /// Triangles that have a closest point.
     count: usize,
@@ -31,11 +32,19 @@ pub struct PointScene {
 #[derive(Debug, Clone)]
 struct OwnArrays {
     structure: StructureArrays,
+    /// Of a binary one: three for each triangle. A wide one has its own in `structure`.
     vertices: Vec<Float4>,
+    stack_entries: u32,
+}
+
+/// The structure of rays that points share, if it is of a kind and has all triangles.
+fn shared_kind(buffers: &SceneBuffers) -> Option<StructureKind> {
+    buffers.left_out.is_empty().then_some(buffers.made_for.accel)
 }
 
 impl PointScene {
     /// Of a scene that is packed; `given` tells the vertices of each triangle in world units, also of one without area.
+    /// `prefers_wide`: whether who answers is sooner done with eight boxes at a time, as processors are.
     ///
     /// # Errors
     /// [`OutOfMemory`](crate::Error::OutOfMemory) when what has to be built takes more than `budget` has;
@@ -43,12 +52,15 @@ impl PointScene {
     pub fn new(
         buffers: &Arc<SceneBuffers>,
         given: impl Fn(u32) -> [Vec3; 3] + Sync,
+        prefers_wide: bool,
         budget: &MemoryBudget,
     ) -> Result<PointScene> {
         let count = buffers.triangle_count();
         let buffers = buffers.clone();
-        if buffers.made_for.accel == StructureKind::Bvh2 && buffers.left_out.is_empty() {
-            return Ok(PointScene { own: None, scale: buffers.params.scale, count, buffers });
+        let is_wide = PointScene::is_wide_for(&buffers, prefers_wide);
+        let kind = if is_wide { StructureKind::Bvh8 } else { StructureKind::Bvh2 };
+        if shared_kind(&buffers) == Some(kind) {
+            return Ok(PointScene { own: None, is_wide, scale: buffers.params.scale, count, buffers });
         }
         check_memory("a hierarchy of boxes for points", count, budget)?;
         let sound = |i: usize| given(i as u32).iter().all(|corner| corner.is_finite()).then_some(i as u32);
@@ -58,11 +70,33 @@ impl PointScene {
         let scale = if sound.is_empty() { 1.0 } else { tracing_scale(bounds.low, bounds.high) };
         let scaled = |i: usize| given(i as u32).map(|p| if p.is_finite() { p * scale + 0.0 } else { Vec3::ZERO });
         let triangles = parallel::map_numbers(count, scaled);
-        let options = BuildOptions::bvh(&BvhOptions::DEFAULT, StructureKind::Bvh2);
-        // Its nodes are searched the nearest first, and by no ray.
-        let structure = pack_bvh2(&build_bvh(&triangles, &sound, &options)?, &[], 0, 0.0)?;
-        let vertices = triangles.iter().flatten().map(|&p| Float4::new(p, 0.0)).collect();
-        Ok(PointScene { own: Some(OwnArrays { structure, vertices }), scale, count: sound.len(), buffers })
+        let tree = build_bvh(&triangles, &sound, &BuildOptions::bvh(&BvhOptions::DEFAULT, kind))?;
+        let own = if is_wide {
+            let Bvh8 { structure, stack_entries } = pack_bvh8(&tree, &triangles, Padding::from(0.0))?;
+            OwnArrays { structure, vertices: Vec::new(), stack_entries }
+        } else {
+            // Its nodes are searched the nearest first, and by no ray.
+            let structure = pack_bvh2(&tree, &[], 0, 0.0)?;
+            let vertices = triangles.iter().flatten().map(|&p| Float4::new(p, 0.0)).collect();
+            OwnArrays { structure, vertices, stack_entries: tree.depth() + 1 }
+        };
+        Ok(PointScene { own: Some(own), is_wide, scale, count: sound.len(), buffers })
+    }
+
+    /// Whether a scene's points go through eight children a node: not where rays have a binary hierarchy that points
+    /// share.
+    pub fn is_wide_for(buffers: &SceneBuffers, prefers_wide: bool) -> bool {
+        prefers_wide && shared_kind(buffers) != Some(StructureKind::Bvh2)
+    }
+
+    /// Whether nodes are those of `src/accel/bvh8.rs`.
+    pub fn is_wide(&self) -> bool {
+        self.is_wide
+    }
+
+    /// The most entries of a traversal's stack.
+    pub fn stack_entries(&self) -> u32 {
+        self.own.as_ref().map_or(self.buffers.stack_entries, |own| own.stack_entries)
     }
 
     /// The scene as rays want it.
@@ -85,7 +119,7 @@ impl PointScene {
         self.count
     }
 
-    /// The nodes, as `src/accel/bvh2.rs` has them.
+    /// The nodes, as `src/accel/bvh2.rs` or, where they are wide, `src/accel/bvh8.rs` has them.
     pub fn nodes(&self) -> &[KdNode] {
         self.own.as_ref().map_or(&self.buffers.nodes, |own| &own.structure.nodes)
     }
@@ -95,16 +129,22 @@ impl PointScene {
         self.own.as_ref().map_or(&self.buffers.references, |own| &own.structure.references)
     }
 
-    /// Vertices, three for each triangle.
-    pub fn all_vertices(&self) -> &[Float4] {
-        self.own.as_ref().map_or(&self.buffers.vertices, |own| &own.vertices)
+    /// What kernels read of triangles: vertices, three for each triangle; or, where nodes are wide, packets of eight
+    /// triangles (`src/accel/leaf_packets.rs`).
+    pub fn triangles(&self) -> &[Float4] {
+        match (&self.own, self.is_wide) {
+            (None, false) => &self.buffers.vertices,
+            (None, true) => &self.buffers.bounds,
+            (Some(own), false) => &own.vertices,
+            (Some(own), true) => &own.structure.bounds,
+        }
     }
 
-    /// The vertices of a triangle.
+    /// The vertices of a triangle, where nodes are binary.
     #[inline(always)]
     pub fn vertices(&self, primitive: u32) -> [Vec3; 3] {
         let first = 3 * primitive as usize;
-        let vertices = self.all_vertices();
+        let vertices = self.triangles();
         [vertices[first].xyz(), vertices[first + 1].xyz(), vertices[first + 2].xyz()]
     }
 }

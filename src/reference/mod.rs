@@ -9,6 +9,7 @@ pub mod first_hits;
 pub mod intersect;
 pub mod kernels;
 pub mod oracle;
+mod points;
 pub mod shade;
 pub mod shared;
 pub mod traverse;

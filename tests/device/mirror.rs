@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::path::Path;
 
-const FOLDERS: [&str; 5] = ["shared", "intersect", "traverse", "shade", "kernels"];
+const FOLDERS: [&str; 6] = ["shared", "intersect", "traverse", "points", "shade", "kernels"];
 
 /// Files without a twin, in `cl/` or in `src/reference/`, and why they have none.
 const WITHOUT_TWIN: &[(&str, &str)] = &[
@@ -17,6 +17,7 @@ const WITHOUT_TWIN: &[(&str, &str)] = &[
     ("cl/shared/double_double.cl", "the twin goes from f64 to exact integers at once"),
     ("cl/shared/rounding_errors.cl", "compiled for several numbers of lanes; the twin's one is in ray.rs"),
     ("cl/intersect/exact_closer.cl", "the twin goes from f64 to exact integers at once"),
+    ("cl/points/scene.cl", "where arrays lie; the twin reads src/pack/points.rs"),
     ("cl/kernels/count_hits_packets.cl", "sixteen rays at a time, with the answers of count_hits.cl"),
     ("cl/kernels/list_hits_packets.cl", "sixteen rays at a time, with the answers of list_hits.cl"),
     ("cl/kernels/add_samples.cl", "the twin has the samples of a pixel in one loop"),

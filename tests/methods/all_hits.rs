@@ -156,15 +156,15 @@ fn they_are_those_of_exact_arithmetic_in_every_structure() {
 
 /// What kernels have of their own: structures, records of packets, memory, layouts, and rounded tests.
 const ON_DEVICES: [&str; 10] = [
-    "structure=bvh8 packet_size=16",
-    "structure=bvh2 spatial_splits=1",
     "structure=bvh8 packet_size=16 ray_order=sorted triangles=leaf-order",
-    "structure=bvh2",
+    "structure=bvh8 packet_size=16",
     "structure=kd traversal=ropes",
-    "structure=grid triangles=leaf-order",
+    "structure=bvh2 spatial_splits=1",
     "structure=bvh2 intersector=watertight",
-    "structure=kd packet_size=16 intersector=moller-trumbore",
+    "structure=bvh2",
     "structure=bvh8 intersector=precomputed",
+    "structure=kd packet_size=16 intersector=moller-trumbore",
+    "structure=grid triangles=leaf-order",
     "structure=bvh8 spatial_splits=auto",
 ];
 
@@ -195,7 +195,7 @@ fn packets_leave_what_they_have_no_room_for_to_single_rays() {
     let mut layers = Mesh::default();
     let count = MOST_LISTED as usize + 8;
     (0..count).for_each(|z| layers.append(&Mesh::sheet(1, |_, _| z as f32)));
-    let options = asked("structure=bvh8 packet_size=16");
+    let options = asked("structure=bvh8 packet_size=16 triangles=leaf-order");
     let buffers = Arc::new(SceneBuffers::new(&layers.scene(), &options).unwrap());
     let mut random = Random::new(SEED);
     let mut ray = |hits: usize| {

@@ -297,11 +297,22 @@ fn closest_points_are_those_of_rational_arithmetic() {
 #[test]
 fn device_and_twin_list_the_same_candidates() {
     let Some(device) = device() else { return };
-    let (mut most, mut listed) = (0, 0);
+    let (mut most, mut listed, mut wide, mut shared) = (0, 0, 0, 0);
     for model in models() {
-        for options in ["structure=bvh2", "structure=bvh2 spatial_splits=1", "structure=grid"].map(asked) {
+        let methods = [
+            ("structure=bvh2", false),
+            ("structure=bvh2 spatial_splits=1", true),
+            ("structure=grid", false),
+            ("structure=grid", true),
+            ("structure=bvh8", false),
+            ("structure=bvh8 spatial_splits=1", true),
+        ];
+        for (method, prefers_wide) in methods {
+            let options = asked(method);
             let buffers = Arc::new(SceneBuffers::new(&scene_of(&model.triangles), &options).unwrap());
-            let scene = point_scene(&buffers, &MemoryBudget::available()).unwrap();
+            let scene = point_scene(&buffers, prefers_wide, &MemoryBudget::available()).unwrap();
+            wide += usize::from(scene.is_wide());
+            shared += usize::from(scene.is_shared());
             let scaled = |point: &[f32; 3]| Float4::new(Vec3::from(*point) * scene.scale(), 0.0);
             let points: Vec<_> = model.points.iter().map(scaled).chain([Float4::new(Vec3::NAN, 0.0)]).collect();
             let found = |device| -> Candidates {
@@ -319,6 +330,7 @@ fn device_and_twin_list_the_same_candidates() {
         }
     }
     assert!(most > 500 && listed > 5000, "{most} {listed}");
+    assert!(wide > models().len() && shared > models().len(), "{wide} {shared}");
 }
 
 #[test]

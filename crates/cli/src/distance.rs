@@ -32,12 +32,12 @@ pub fn run(args: &DistanceArgs, talk: Talk) -> Result<()> {
     if args.signed {
         require_exact(args.points.method.check(false)?.intersector)?;
     }
-    let OpenedPoints { points, mut opened, budget } =
+    let OpenedPoints { points, mut opened, is_for_processor, budget } =
         args.points.open(args.output.as_deref(), tasks, POINT_BYTES, talk)?;
     if args.signed {
         args.points.require_closed(&opened)?;
     }
-    let scene = point_scene(&opened.buffers, &budget)?;
+    let scene = point_scene(&opened.buffers, is_for_processor, &budget)?;
 
     let bar = Bar::new("find", talk);
     let share = if args.signed { 0.5 } else { 1.0 };

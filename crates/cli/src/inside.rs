@@ -50,7 +50,7 @@ pub fn run(args: &InsideArgs, talk: Talk) -> Result<()> {
     if args.winding.is_none() {
         require_exact(args.points.method.check(false)?.intersector)?;
     }
-    let OpenedPoints { points, mut opened, budget } =
+    let OpenedPoints { points, mut opened, budget, .. } =
         args.points.open(args.output.as_deref(), tasks, POINT_BYTES, talk)?;
     let (inside, winding) = match args.winding {
         Some(threshold) => {

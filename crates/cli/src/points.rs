@@ -12,7 +12,7 @@ use raybrook::low_level::options::StructureKind;
 use raybrook::low_level::output::check_writable;
 use raybrook::low_level::rays::read_points;
 use raybrook::low_level::tracer::Task;
-use raybrook::{Error, Result};
+use raybrook::{DeviceKind, Error, Result};
 use std::path::{Path, PathBuf};
 
 #[derive(clap::Args)]
@@ -36,6 +36,8 @@ pub struct PointArgs {
 pub struct OpenedPoints {
     pub points: Vec<[f32; 3]>,
     pub opened: Opened,
+    /// Whether a processor's device answers first.
+    pub is_for_processor: bool,
     pub budget: MemoryBudget,
 }
 
@@ -73,7 +75,8 @@ impl PointArgs {
         let bytes = (points.len() * bytes) as u64;
         budget.check(&Need { what: &what, bytes, decided_by: DecidedBy::Input, remedy })?;
         let opened = self.loss.guard(opened, device.as_ref(), talk);
-        Ok(OpenedPoints { points, opened, budget })
+        let is_for_processor = device.is_some_and(|device| device.info.kind == DeviceKind::Cpu);
+        Ok(OpenedPoints { points, opened, is_for_processor, budget })
     }
 
     /// Refuses a scene that is not closed.

@@ -1,6 +1,7 @@
 //! Twin of `cl/traverse/bvh8.cl`, one box and one triangle after the other. The reasons are there.
 
 use super::leaf::test_triangles;
+use super::wide_stack::{FarChild, WideStack};
 use crate::accel::leaf_range;
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
@@ -12,13 +13,6 @@ use crate::reference::shared::slab::Slabs;
 use crate::shared::{BVH_END, BVH_LEAF, BVH8_LINKS, BVH8_NODE_RECORDS, Hit, WorkCounter};
 
 const WIDTH: usize = 8;
-
-/// A child to be visited later, and where the ray enters it.
-#[derive(Clone, Copy, Default)]
-struct FarChild {
-    link: u32,
-    t_enter: f32,
-}
 
 /// When the ray enters child `lane` of a node, and leaves it.
 #[inline(always)]
@@ -53,9 +47,7 @@ pub fn traverse_bvh8(
     let mut hit = no_hit_yet(ray);
     let slabs = Slabs::new(ray, buffers.params.low.xyz(), buffers.params.high.xyz(), buffers.params.high.w);
 
-    let mut stack = vec![FarChild::default(); buffers.stack_entries as usize];
-    stack[0] = FarChild { link: BVH_END, t_enter: f32::NEG_INFINITY };
-    let mut stacked = 0;
+    let mut stack = WideStack::new(buffers.stack_entries);
     let mut link = 0;
     while link != BVH_END {
         if link & BVH_LEAF == 0 {
@@ -74,17 +66,8 @@ pub fn traverse_bvh8(
                 link = (0..WIDTH).find(is_met).map(child).expect("there is one").link;
                 continue;
             }
-            let lowest = stacked + 1;
-            for child in (0..WIDTH).filter(is_met).map(child) {
-                stacked += 1;
-                let mut place = stacked;
-                while !any_hit && place > lowest && stack[place - 1].t_enter <= child.t_enter {
-                    stack[place] = stack[place - 1];
-                    place -= 1;
-                }
-                stack[place] = child;
-            }
-            work.count(WorkCounter::DeepestStack, stacked as u32);
+            stack.push((0..WIDTH).filter(is_met).map(child), any_hit);
+            work.count(WorkCounter::DeepestStack, stack.depth());
         } else {
             let references = leaf_range(link).expect("it is no inner node");
             work.count(WorkCounter::Leaves, 1);
@@ -106,18 +89,7 @@ pub fn traverse_bvh8(
                 }
             }
         }
-        link = pop(&stack, &mut stacked, hit.t);
+        link = stack.next(hit.t);
     }
     hit
-}
-
-/// The next child that is not entered behind the hit, or the end, which is entered before everything.
-#[inline(always)]
-fn pop(stack: &[FarChild], stacked: &mut usize, t_limit: f32) -> u32 {
-    while t_limit < stack[*stacked].t_enter {
-        *stacked -= 1;
-    }
-    let link = stack[*stacked].link;
-    *stacked = stacked.wrapping_sub(1); // the end's place is never asked for again
-    link
 }

@@ -18,6 +18,7 @@ mod octree;
 pub mod query;
 pub mod spheres;
 mod thesis_restart;
+pub mod wide_stack;
 
 use super::intersect::exact::finish_exactly;
 use super::shared::memory::Work;

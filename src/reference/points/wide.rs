@@ -1,0 +1,107 @@
+//! Twin of `cl/points/wide.cl`: points in a hierarchy of eight children a node, one box and one triangle after the
+//! other. The reasons are there.
+
+use super::distance::{farthest_distance, limit_of, may_be_within};
+use crate::accel::leaf_range;
+use crate::layout::Float4;
+use crate::math::{dot3, max_or, min_or};
+use crate::pack::PointScene;
+use crate::reference::traverse::wide_stack::{FarChild, WideStack};
+use crate::shared::{BVH_END, BVH_LEAF, BVH8_LINKS, BVH8_NODE_RECORDS, BVH8_PACKET_RECORDS};
+use glam::Vec3;
+
+const WIDTH: usize = 8;
+
+/// The square of a distance that is no larger than that to a child's box.
+#[inline(always)]
+fn box_square(node: &[u32], lane: usize, point: Vec3) -> f32 {
+    let plane = |axis: usize, high: usize| f32::from_bits(node[WIDTH * (2 * axis + high) + lane]);
+    let outside = |axis: usize| max_or(max_or(plane(axis, 0) - point[axis], point[axis] - plane(axis, 1)), 0.0);
+    let outside = Vec3::new(outside(0), outside(1), outside(2));
+    dot3(outside, outside)
+}
+
+/// A triangle of a packet, from the point as the origin.
+#[inline(always)]
+fn corners_from(packet: &[Float4], lane: usize, point: Vec3) -> [Vec3; 3] {
+    let numbers: &[f32] = bytemuck::cast_slice(packet);
+    let corner = |i: usize| Vec3::from_array([0, 1, 2].map(|axis| numbers[WIDTH * (3 * i + axis) + lane]));
+    [0, 1, 2].map(|i| corner(i) - point)
+}
+
+/// As `visit_triangles` of `binary.rs`.
+#[inline(always)]
+pub fn visit_triangles(
+    scene: &PointScene,
+    point: Vec3,
+    distance: &mut f32,
+    mut list: Option<&mut dyn FnMut(u32)>,
+) -> u32 {
+    let words: &[u32] = bytemuck::cast_slice(scene.nodes());
+    let node_words = 4 * BVH8_NODE_RECORDS as usize;
+    let mut stack = WideStack::new(scene.stack_entries());
+    let (mut link, mut listed) = (0u32, 0);
+    let mut limit = limit_of(*distance);
+    while link != BVH_END {
+        if link & BVH_LEAF == 0 {
+            let node = &words[node_words * link as usize..][..node_words];
+            let child = |lane: usize| FarChild {
+                link: node[4 * BVH8_LINKS as usize + lane],
+                t_enter: box_square(node, lane, point),
+            };
+            let met = (0..WIDTH).map(child).filter(|child| child.t_enter <= limit);
+            stack.push(met, list.is_some());
+        } else {
+            let references = leaf_range(link).expect("it is no inner node");
+            let records = BVH8_PACKET_RECORDS as usize;
+            let packet = scene.triangles().get(references.start / WIDTH * records..).unwrap_or_default();
+            for (lane, reference) in references.enumerate() {
+                let corners = corners_from(packet, lane, point);
+                match &mut list {
+                    None => *distance = min_or(farthest_distance(corners), *distance),
+                    Some(list) if may_be_within(corners, *distance) => {
+                        list(scene.references()[reference]);
+                        listed += 1;
+                    }
+                    Some(_) => {}
+                }
+            }
+            limit = limit_of(*distance);
+        }
+        link = stack.next(limit);
+    }
+    listed
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bounds::LEAST_DISTANCE_ERROR;
+    use crate::random::Random;
+    use glam::DVec3;
+
+    #[test]
+    fn boxes_are_not_left_out_too_early() {
+        let mut random = Random::new(20_081_124);
+        let mut close = 0;
+        for i in 0..300_000 {
+            let (low, size) = (random.vec3(), random.vec3().abs() * random.size(-20, 0));
+            let high = low + size;
+            let point = low + random.vec3() * [0.1, 1.0, 100.0][i % 3];
+            let mut node = [0; WIDTH * 6];
+            for axis in 0..3 {
+                node[WIDTH * 2 * axis + i % WIDTH] = low[axis].to_bits();
+                node[WIDTH * (2 * axis + 1) + i % WIDTH] = high[axis].to_bits();
+            }
+            let [low, high, at] = [low, high, point].map(DVec3::from);
+            let exact = (low - at).max(at - high).max(DVec3::ZERO).length();
+            // The least distance that the box is as near as, and one that is a bit less.
+            let reached = exact as f32;
+            let reached = if f64::from(reached) < exact { reached.next_up() } else { reached };
+            let square = box_square(&node, i % WIDTH, point);
+            assert!(square <= limit_of(reached.max(LEAST_DISTANCE_ERROR)));
+            close += usize::from(exact > 0.0 && square > limit_of(0.999 * reached));
+        }
+        assert!(close > 100_000, "{close}");
+    }
+}
