@@ -20,6 +20,8 @@ bool is_any8(int8 comparison) { return as_ulong(convert_char8(comparison)) != 0u
 uint count_lanes8(ulong lanes) { return (uint)((lanes * 0x0101010101010101ul) >> 56); }
 // The number of the lowest bit of some; of none it is not defined.
 uint lowest_bit(ulong bits) { return 63u - (uint)clz(bits & (0ul - bits)); }
+// The highest lane of some.
+uint last_lane8(ulong lanes) { return (63u - (uint)clz(lanes)) / 8u; }
 // The lowest lane of some, whether it is the only one, and the others.
 uint first_lane8(ulong lanes) { return lowest_bit(lanes) / 8u; }
 bool is_only_lane8(ulong lanes, uint first) { return lanes >> (8u * first) == 1ul; }

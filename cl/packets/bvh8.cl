@@ -49,19 +49,18 @@ void trace_single_ray(GEOMETRY_PARAMETERS, const RayPacket* p, uint lane, uint l
                       PacketHits* hits) {
     SingleRay ray = take_single_ray(p, lane, hits);
     const uint3 near = near_planes(ray.line.slabs.inv);
-    FarChild stack[STACK_SIZE];
-    const FarChild end = {BVH_END, -INFINITY};
-    stack[0] = end;
+    WideStack stack;
+    start_stack(&stack);
     uint stacked = 0;
     while (link != BVH_END) {
         if ((link & BVH_LEAF) == 0u) {
             link = next_after_node(GEOMETRY, &ray.line.slabs, near, link, ray.line.t_near, ray.t_limit,
-                                   ANY_ORDER(any_hit), stack, &stacked);
+                                   ANY_ORDER(any_hit), &stack, &stacked);
             continue;
         }
         const int4 leaf = leaf_of_link(link);
         if (leaf.z > 0 && test_single_ray(GEOMETRY, &ray, (uint)leaf.y, (uint)leaf.z, any_hit)) break;
-        link = next_on_stack(stack, &stacked, ray.t_limit);
+        link = next_on_stack(GEOMETRY, &stack, &stacked, ray.t_limit);
     }
     put_back(&ray, lane, any_hit, hits);
 }
@@ -91,16 +90,15 @@ typedef struct {
     SingleRay ray;
     uint3 near;
     uint packet, lane, link, stacked;
-    ulong met;
-    float enter[8];
-    FarChild stack[STACK_SIZE];
+    float8 enter;
+    int8 is_met;
+    WideStack stack;
 } RayInTurn;
 
 // Begins with the first ray that waits, and takes it from them.
 void begin_turn(const RayPacket* packets, WaitingRays* waiting, PacketHits* hits, RayInTurn* r) {
     r->lane = NO_LANE;
     if (waiting->members == 0u) return;
-    const FarChild end = {BVH_END, -INFINITY};
     const uint k = first_member(waiting->members);
     r->packet = k;
     r->lane = first_lane16(waiting->lanes[k]);
@@ -109,7 +107,7 @@ void begin_turn(const RayPacket* packets, WaitingRays* waiting, PacketHits* hits
     r->ray = take_single_ray(&packets[k], r->lane, &hits[k]);
     r->near = near_planes(r->ray.line.slabs.inv);
     r->link = 0u;
-    r->stack[0] = end;
+    start_stack(&r->stack);
     r->stacked = 0u;
 }
 
@@ -131,8 +129,8 @@ INLINE void take_turn(GEOMETRY_PARAMETERS, const RayPacket* packets, WaitingRays
                       const bool any_hit, PacketHits* hits, RayInTurn* r) {
     bool is_over = false; // its turn
     if ((r->link & BVH_LEAF) == 0u) {
-        r->link = next_of_children(GEOMETRY, BVH8_NODE_RECORDS * r->link, r->met, r->enter, r->ray.t_limit,
-                                   ANY_ORDER(any_hit), r->stack, &r->stacked);
+        r->link = next_of_children(GEOMETRY, BVH8_NODE_RECORDS * r->link, r->enter, r->is_met, r->ray.t_limit,
+                                   ANY_ORDER(any_hit), &r->stack, &r->stacked);
         is_over = leaves_wait;
     }
     while (r->lane != NO_LANE && (r->link & BVH_LEAF) != 0u) {
@@ -141,7 +139,7 @@ INLINE void take_turn(GEOMETRY_PARAMETERS, const RayPacket* packets, WaitingRays
             const int4 leaf = leaf_of_link(r->link);
             is_over = leaves_wait;
             if (leaf.z == 0 || !test_single_ray(GEOMETRY, &r->ray, (uint)leaf.y, (uint)leaf.z, any_hit)) {
-                r->link = next_on_stack(r->stack, &r->stacked, r->ray.t_limit);
+                r->link = next_on_stack(GEOMETRY, &r->stack, &r->stacked, r->ray.t_limit);
                 continue;
             }
         }
@@ -162,8 +160,8 @@ INLINE bool test_boxes_in_turn(GEOMETRY_PARAMETERS, RayInTurn* rays) {
         if ((r->link & BVH_LEAF) != 0u) continue;
         const Interval8 t = clip_to_eight(GEOMETRY, &r->ray.line.slabs, r->near, BVH8_NODE_RECORDS * r->link,
                                           r->ray.line.t_near, r->ray.t_limit);
-        r->met = lanes_where8(t.enter <= t.leave);
-        vstore8(t.enter, 0, r->enter);
+        r->enter = t.enter;
+        r->is_met = t.enter <= t.leave;
     }
     return goes_on;
 }
@@ -186,32 +184,17 @@ void trace_in_turn(GEOMETRY_PARAMETERS, const RayPacket* packets, WaitingRays* w
     }
 }
 
-// The children of a node that rays enter, by their numbers: the nearest last, before it the second and the third, as
-// find_nearest_children() has them; or with any_order in their own order. In `t_enter`, when each ray enters them.
-// Returns how many there are.
+// The keys of the children of a node that rays enter, as keys_of_children() has them: when the first of them does. In
+// `t_enter`, when each does. Returns how many there are.
 uint children_of_packet(GEOMETRY_PARAMETERS, const RayPacket* p, uint node, float16 t_limit, const bool any_order,
-                        FarChild* list, float16* t_enter) {
-    float enter[8];
+                        uint* keys, float16* t_enter) {
 #pragma unroll
     for (uint slot = 0; slot < 8u; slot++) t_enter[slot] = clip_packet(GEOMETRY, p, node, slot, t_limit);
     const float8 first =
         least_of_lanes(t_enter[0], t_enter[1], t_enter[2], t_enter[3], t_enter[4], t_enter[5], t_enter[6], t_enter[7]);
-    vstore8(first, 0, enter);
-    const ulong met = lanes_where8(first < INFINITY);
-    uint count = 0;
-    if (any_order) {
-        for (ulong rest = met; rest != 0ul; rest = other_lanes8(rest))
-            list[count++] = child_of_node(GEOMETRY, node, first_lane8(rest), enter, true);
-        return count;
-    }
-    if (met == 0ul) return 0u;
-    NearChildren n;
-    find_nearest_children(GEOMETRY, node, met, enter, true, list, &n);
-    count = n.others;
-    if (n.has_third) list[count++] = n.third;
-    if (n.has_second) list[count++] = n.second;
-    list[count++] = n.nearest;
-    return count;
+    const int8 is_met = first < INFINITY;
+    vstore8(keys_of_children(first, is_met, any_order), 0, keys);
+    return count_lanes8(lanes_where8(is_met));
 }
 
 // Whether rays have so little in common that each is faster by itself: they start far from each other, and on each axis
@@ -256,13 +239,14 @@ void traverse_bvh8_packet(GEOMETRY_PARAMETERS, const RayPacket* p, const RayRang
         }
         if ((link & BVH_LEAF) == 0u) {
             const uint node = BVH8_NODE_RECORDS * link;
-            FarChild children[8];
+            uint keys[8];
             float16 t_enter[8];
             const uint count =
-                children_of_packet(GEOMETRY, p, node, hits->t_limit, ANY_ORDER(any_hit), children, t_enter);
+                children_of_packet(GEOMETRY, p, node, hits->t_limit, ANY_ORDER(any_hit), keys, t_enter);
             for (uint i = 0; i < count; i++, stacked++) {
-                stack[stacked].t_enter = t_enter[children[i].link];
-                stack[stacked].link = LOAD_LINK(geometry, node, children[i].link);
+                const uint slot = keys[i] & KEY_LANE;
+                stack[stacked].t_enter = t_enter[slot];
+                stack[stacked].link = LOAD_LINK(geometry, node, slot);
             }
         } else {
             const int4 leaf = leaf_of_link(link);

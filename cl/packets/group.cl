@@ -123,8 +123,8 @@ bool traverse_bvh8_group(GEOMETRY_PARAMETERS, RayPacket* packets, const PacketRa
                 }
             }
             const uint lowest = stacked;
-            while (met != 0ul) {
-                const uint slot = first_lane8(met);
+            while (met != 0ul) { // the last ones first: the first is best, where any hit will do
+                const uint slot = last_lane8(met);
                 const GroupChild child = {LOAD_LINK(geometry, node, slot), (uint)(met >> (8u * slot)) & 0xffu,
                                           lane_of8(&nearest, slot)};
                 met &= ~(0xfful << (8u * slot));

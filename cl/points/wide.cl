@@ -31,19 +31,15 @@ float least_of_eight(float8 v) {
 // As that of binary.cl.
 uint visit_triangles(GEOMETRY_PARAMETERS, float3 from, float* distance, __global uint* list, const bool lists) {
     const float8 point[3] = {(float8)(from.x), (float8)(from.y), (float8)(from.z)};
-    FarChild stack[STACK_SIZE];
-    const FarChild end = {BVH_END, -INFINITY};
-    stack[0] = end;
+    WideStack stack;
+    start_stack(&stack);
     uint stacked = 0u, link = 0u, listed = 0u;
     float limit = limit_of(*distance);
     while (link != BVH_END) {
         if ((link & BVH_LEAF) == 0u) {
             const uint node = BVH8_NODE_RECORDS * link;
             const float8 squares = box_squares(GEOMETRY, node, point);
-            float begins[8];
-            vstore8(squares, 0, begins);
-            link = next_of_children(GEOMETRY, node, lanes_where8(squares <= limit), begins, limit, lists, stack,
-                                    &stacked);
+            link = next_of_children(GEOMETRY, node, squares, squares <= limit, limit, lists, &stack, &stacked);
             continue;
         }
         const uint first = link & BVH_FIRST_MASK, count = (link & ~BVH_LEAF) >> BVH_COUNT_SHIFT;
@@ -61,7 +57,7 @@ uint visit_triangles(GEOMETRY_PARAMETERS, float3 from, float* distance, __global
                         list[listed] = geometry->references[first + first_lane8(within)];
             }
         }
-        link = next_on_stack(stack, &stacked, limit);
+        link = next_on_stack(GEOMETRY, &stack, &stacked, limit);
     }
     return listed;
 }

@@ -35,13 +35,11 @@ uint3 near_planes(float3 inv) {
 
 // What comes after the inner node `link`, as next_of_children().
 INLINE uint next_after_node(GEOMETRY_PARAMETERS, const Slabs* slabs, uint3 near, uint link, float t_near, float t_limit,
-                            const bool any_hit, FarChild* stack, uint* stacked) {
+                            const bool any_hit, WideStack* stack, uint* stacked) {
     COUNT(geometry, STEPS, 1);
     const uint node = BVH8_NODE_RECORDS * link;
     const Interval8 t = clip_to_eight(GEOMETRY, slabs, near, node, t_near, t_limit);
-    float enter[8];
-    vstore8(t.enter, 0, enter);
-    return next_of_children(GEOMETRY, node, lanes_where8(t.enter <= t.leave), enter, t_limit, any_hit, stack, stacked);
+    return next_of_children(GEOMETRY, node, t.enter, t.enter <= t.leave, t_limit, any_hit, stack, stacked);
 }
 
 bool traverse_bvh8(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit* hit) {
@@ -50,14 +48,13 @@ bool traverse_bvh8(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit*
     const uint3 near = near_planes(slabs.inv);
     const Filter filter = make_filter(ray);
 
-    FarChild stack[STACK_SIZE];
-    const FarChild end = {BVH_END, -INFINITY};
-    stack[0] = end;
+    WideStack stack;
+    start_stack(&stack);
     uint stacked = 0; // apart from the end
     uint link = 0;
     while (link != BVH_END) {
         if ((link & BVH_LEAF) == 0u) {
-            link = next_after_node(GEOMETRY, &slabs, near, link, ray->t_near, hit->t, any_hit, stack, &stacked);
+            link = next_after_node(GEOMETRY, &slabs, near, link, ray->t_near, hit->t, any_hit, &stack, &stacked);
             continue;
         }
         const int4 leaf = leaf_of_link(link);
@@ -73,7 +70,7 @@ bool traverse_bvh8(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit*
                 if (any_hit && hit->primitive != NO_PRIMITIVE) return true;
             }
         }
-        link = next_on_stack(stack, &stacked, hit->t);
+        link = next_on_stack(GEOMETRY, &stack, &stacked, hit->t);
     }
     return hit->primitive != NO_PRIMITIVE;
 }

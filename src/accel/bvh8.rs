@@ -13,8 +13,7 @@
 //!        bit 31 set     a leaf: bits 0-26 its first reference, a multiple of eight, bits 27-30 how many there are
 //! ```
 //!
-//! Of the children that is the last which is best searched first where any hit will do (`bvh/worth.rs`), and the first
-//! the worst.
+//! Of the children that is the first which is best searched first where any hit will do (`bvh/worth.rs`).
 //!
 //! A leaf's triangles are in `bounds`, too: `leaf_packets.rs`.
 
@@ -79,7 +78,7 @@ fn pack_leaves(tree: &Bvh, vertices: &[[Vec3; 3]], padding: Padding, most_leaves
         let mut links = [NO_CHILD; WIDTH];
         let first_open = open.len();
         let mut children = children(tree, index);
-        children.sort_by(|&a, &b| worths[a].total_cmp(&worths[b]));
+        children.sort_by(|&a, &b| worths[b].total_cmp(&worths[a]));
         for (slot, child) in children.into_iter().enumerate() {
             boxes[slot] = padding.around(tree.nodes[child].bounds);
             links[slot] = if tree.nodes[child].is_leaf() {
@@ -177,14 +176,14 @@ mod tests {
         assert_eq!(leaf_range(leaf_link(last as u32, WIDTH as u32)), Some(last..last + WIDTH));
     }
 
-    /// Rays for which any hit will do go to the last of the children first.
+    /// Rays for which any hit will do go to the first of the children first.
     #[test]
-    fn a_wall_behind_small_triangles_is_the_last_child() {
+    fn a_wall_behind_small_triangles_is_the_first_child() {
         let (tree, vertices) = before_a_wall(StructureKind::Bvh8, None);
         let Bvh8 { structure, .. } = pack_bvh8(&tree, &vertices, Padding::from(0.0)).unwrap();
         let words: &[u32] = bytemuck::cast_slice(&structure.nodes);
-        let last = leaf_range(words[4 * BVH8_LINKS as usize + WIDTH - 1]).expect("a leaf");
-        assert!(structure.references[last].contains(&(vertices.len() as u32 - 1)));
+        let first = leaf_range(words[4 * BVH8_LINKS as usize]).expect("a leaf");
+        assert!(structure.references[first].contains(&(vertices.len() as u32 - 1)));
     }
 
     #[test]

@@ -275,7 +275,7 @@ fn one_triangle_costs_what_can_be_counted_by_hand() {
             64,
         ),
         // The root's planes and the one link.
-        (TraceOptions { structure: Structure::of(StructureKind::Bvh8), ..COUNTED }, [1, 1, 1, 192 + 4, 0], 192),
+        (TraceOptions { structure: Structure::of(StructureKind::Bvh8), ..COUNTED }, [1, 1, 1, 192 + 4, 1], 192),
         // The list, one volume, the leaf.
         (TraceOptions { structure: Structure::of(StructureKind::Boxes), ..COUNTED }, [1, 1, 1, 16 + 32 + 16, 0], 48),
         (TraceOptions { structure: Structure::of(StructureKind::Spheres), ..COUNTED }, [1, 1, 1, 16 + 16 + 16, 0], 32),

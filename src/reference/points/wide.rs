@@ -6,8 +6,8 @@ use crate::accel::leaf_range;
 use crate::layout::Float4;
 use crate::math::{dot3, max_or, min_or};
 use crate::pack::PointScene;
-use crate::reference::traverse::wide_stack::{FarChild, WideStack};
-use crate::shared::{BVH_END, BVH_LEAF, BVH8_LINKS, BVH8_NODE_RECORDS, BVH8_PACKET_RECORDS};
+use crate::reference::traverse::wide_stack::WideStack;
+use crate::shared::{BVH_LEAF, BVH8_LINKS, BVH8_NODE_RECORDS, BVH8_PACKET_RECORDS};
 use glam::Vec3;
 
 const WIDTH: usize = 8;
@@ -42,15 +42,11 @@ pub fn visit_triangles(
     let mut stack = WideStack::new(scene.stack_entries());
     let (mut link, mut listed) = (0u32, 0);
     let mut limit = limit_of(*distance);
-    while link != BVH_END {
+    loop {
         if link & BVH_LEAF == 0 {
             let node = &words[node_words * link as usize..][..node_words];
-            let child = |lane: usize| FarChild {
-                link: node[4 * BVH8_LINKS as usize + lane],
-                t_enter: box_square(node, lane, point),
-            };
-            let met = (0..WIDTH).map(child).filter(|child| child.t_enter <= limit);
-            stack.push(met, list.is_some());
+            let met = (0..WIDTH).map(|lane| (lane, box_square(node, lane, point)));
+            stack.push(link, met.filter(|(_, square)| *square <= limit), list.is_some());
         } else {
             let references = leaf_range(link).expect("it is no inner node");
             let records = BVH8_PACKET_RECORDS as usize;
@@ -68,9 +64,9 @@ pub fn visit_triangles(
             }
             limit = limit_of(*distance);
         }
-        link = stack.next(limit);
+        let Some((node, lane)) = stack.next(limit) else { return listed };
+        link = words[node_words * node as usize + 4 * BVH8_LINKS as usize + lane];
     }
-    listed
 }
 
 #[cfg(test)]

@@ -88,6 +88,14 @@ pub fn load_wide_node<'a>(buffers: &'a SceneBuffers, first: usize, work: &mut im
     bytemuck::cast_slice(&buffers.nodes[first..first + BVH8_NODE_RECORDS as usize])
 }
 
+/// The link to child `lane` of the wide node with that number.
+#[inline(always)]
+pub fn load_wide_link(buffers: &SceneBuffers, node: u32, lane: usize, work: &mut impl Work) -> u32 {
+    work.count(WorkCounter::NodeBytes, size_of::<u32>() as u32);
+    let first = (BVH8_NODE_RECORDS * node + BVH8_LINKS) as usize;
+    bytemuck::cast_slice::<_, u32>(&buffers.nodes[first..first + 2])[lane]
+}
+
 /// The records of the instance that a ray enters, whose box it meets.
 #[inline(always)]
 pub fn load_instance<'a>(buffers: &'a SceneBuffers, instance: u32, work: &mut impl Work) -> &'a [Float4] {

@@ -1,16 +1,16 @@
 //! Twin of `cl/traverse/bvh8.cl`, one box and one triangle after the other. The reasons are there.
 
 use super::leaf::test_triangles;
-use super::wide_stack::{FarChild, WideStack};
+use super::wide_stack::WideStack;
 use crate::accel::leaf_range;
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
 use crate::reference::intersect::filter::filter_sheared;
 use crate::reference::shared::math::{max_or, min_or};
-use crate::reference::shared::memory::{Work, count_packet, load_wide_node, vertices};
+use crate::reference::shared::memory::{Work, count_packet, load_wide_link, load_wide_node, vertices};
 use crate::reference::shared::ray::{Ray, no_hit_yet};
 use crate::reference::shared::slab::Slabs;
-use crate::shared::{BVH_END, BVH_LEAF, BVH8_LINKS, BVH8_NODE_RECORDS, Hit, WorkCounter};
+use crate::shared::{BVH_LEAF, BVH8_NODE_RECORDS, Hit, WorkCounter};
 
 const WIDTH: usize = 8;
 
@@ -49,7 +49,7 @@ pub fn traverse_bvh8(
 
     let mut stack = WideStack::new(buffers.stack_entries);
     let mut link = 0;
-    while link != BVH_END {
+    loop {
         if link & BVH_LEAF == 0 {
             work.count(WorkCounter::Steps, 1);
             let node = load_wide_node(buffers, (BVH8_NODE_RECORDS * link) as usize, work);
@@ -58,15 +58,7 @@ pub fn traverse_bvh8(
                 *interval = clip(node, &slabs, lane, ray.t_near, hit.t);
             }
             let is_met = |lane: &usize| intervals[*lane][0] <= intervals[*lane][1];
-            let child =
-                |lane: usize| FarChild { link: node[4 * BVH8_LINKS as usize + lane], t_enter: intervals[lane][0] };
-            let met = (0..WIDTH).filter(is_met).count();
-            work.count(WorkCounter::NodeBytes, (met * size_of::<u32>()) as u32);
-            if met == 1 {
-                link = (0..WIDTH).find(is_met).map(child).expect("there is one").link;
-                continue;
-            }
-            stack.push((0..WIDTH).filter(is_met).map(child), any_hit);
+            stack.push(link, (0..WIDTH).filter(is_met).map(|lane| (lane, intervals[lane][0])), any_hit);
             work.count(WorkCounter::DeepestStack, stack.depth());
         } else {
             let references = leaf_range(link).expect("it is no inner node");
@@ -89,7 +81,7 @@ pub fn traverse_bvh8(
                 }
             }
         }
-        link = stack.next(hit.t);
+        let Some((node, lane)) = stack.next(hit.t) else { return hit };
+        link = load_wide_link(buffers, node, lane, work);
     }
-    hit
 }
