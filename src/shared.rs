@@ -43,6 +43,10 @@ device_const! {
     pub const BVH8_LINKS: u32 = 12;
     /// Records of `bounds` that a packet of eight triangles takes.
     pub const BVH8_PACKET_RECORDS: u32 = 18;
+    /// Bits of a key on the stack of such a hierarchy that are a child's number in its node.
+    pub const KEY_LANE: u32 = 7;
+    /// The key of what is entered before everything: the bits of -infinity.
+    pub const FIRST_KEY: u32 = 0xff80_0000;
 }
 
 device_const! {

@@ -1,8 +1,8 @@
 """Rates of ray tracers for Python, from NumPy arrays to NumPy arrays: python benches/python/rates.py [MODEL]
 
-Wall clock, in millions of rays a second: the median of some rounds, in which all take turns. Without a model a knot of
-192,000 triangles is made. Nothing else should run meanwhile. Needs numpy and an installed raybrook; embreex and open3d
-are left out where they are not installed. embreex has no counts and no lists.
+Wall clock, in millions of rays or points a second: the median of some rounds, in which all take turns. Without a model
+a knot of 192,000 triangles is made. Nothing else should run meanwhile. Needs numpy and an installed raybrook; embreex
+and open3d are left out where they are not installed. embreex has no counts, no lists and no closest points.
 """
 
 import argparse
@@ -22,7 +22,7 @@ import raybrook.open3d  # noqa: E402
 
 def batches(vertices, faces, count):
     """Rays by name: from an eye through the pixels of a picture, the same shuffled, from all around to anywhere on the
-    model, and aimed at edges and vertices."""
+    model, and aimed at edges and vertices. And a quarter as many points: anywhere in the model's box, and near it."""
     side = int(count**0.5)
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     eye = ((low + high) / 2 + [0, 0, 1.5 * np.linalg.norm(high - low)]).astype(np.float32)
@@ -36,6 +36,8 @@ def batches(vertices, faces, count):
     corners = vertices[faces[random.integers(len(faces), size=len(primary))]].astype(float)
     targets = np.einsum("nij,ni->nj", corners, random.dirichlet((1, 1, 1), size=len(primary)))
     start = ((low + high) / 2 + away).astype(np.float32)
+    points = random.uniform(low, high, (len(primary) // 4, 3))
+    near = targets[: len(points)] + random.normal(size=points.shape) * 1e-3 * np.linalg.norm(high - low)
     hard = aimed_rays(vertices, faces, 6 * len(primary) // 4).reshape(-1, 6)
     kinds = np.arange(len(hard)) % 6
     return {
@@ -44,13 +46,16 @@ def batches(vertices, faces, count):
         "random": np.concatenate([start, targets.astype(np.float32) - start], axis=1),
         "edges": hard[(kinds == 1) | (kinds > 2)],
         "vertices": hard[(kinds == 0) | (kinds == 2)],
+        "points in the box": points.astype(np.float32),
+        "points near it": near.astype(np.float32),
     }
 
 
 def of_raybrook(vertices, faces, device):
     scene = raybrook.Scene(vertices, faces, device=device)
     print(f"raybrook {raybrook.__version__} on {scene.device}: {scene.choices[0]}")
-    return {"closest": scene.closest_hits, "any": scene.any_hit, "count": scene.count, "list": scene.list_hits}
+    of_rays = {"closest": scene.closest_hits, "any": scene.any_hit, "count": scene.count, "list": scene.list_hits}
+    return {**of_rays, "closest point": scene.closest_point}
 
 
 def of_open3d(vertices, faces, _):
@@ -66,8 +71,8 @@ def of_open3d(vertices, faces, _):
 
         return answer
 
-    asks = (scene.cast_rays, scene.test_occlusions, scene.count_intersections, scene.list_intersections)
-    return dict(zip(("closest", "any", "count", "list"), map(asked, asks)))
+    of_rays = (scene.cast_rays, scene.test_occlusions, scene.count_intersections, scene.list_intersections)
+    return dict(zip((*OF_RAYS, "closest point"), map(asked, (*of_rays, scene.compute_closest_points))))
 
 
 def of_embreex(vertices, faces, _):
@@ -88,6 +93,7 @@ def of_embreex(vertices, faces, _):
     return {"closest": ask("INTERSECT", output=True), "any": ask("OCCLUDED")}
 
 
+OF_RAYS = ("closest", "any", "count", "list")
 TRACERS = {"raybrook": of_raybrook, "Open3D": of_open3d, "embreex": of_embreex}
 
 
@@ -110,11 +116,11 @@ def main():
             tracers[name] = make(vertices, faces, arguments.device)
         except ImportError as missing:
             print(f"{name} is left out: {missing}")
-    print(f"{len(faces):,} triangles, medians of {arguments.rounds} rounds, millions of rays a second\n")
-    print("| rays | question | " + " | ".join(tracers) + " |\n|---|---|" + "--:|" * len(tracers))
+    print(f"{len(faces):,} triangles, medians of {arguments.rounds} rounds, millions of rays or points a second\n")
+    print("| rays or points | question | " + " | ".join(tracers) + " |\n|---|---|" + "--:|" * len(tracers))
     for batch, rays in batches(vertices, faces, arguments.rays).items():
         rays = np.ascontiguousarray(rays)
-        for question in ("closest", "any", "count", "list"):
+        for question in OF_RAYS if rays.shape[1] > 3 else ("closest point",):
             times = {name: [] for name in tracers if question in tracers[name]}
             for round_number in range(arguments.rounds + 1):
                 for name, taken in times.items():

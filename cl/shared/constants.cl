@@ -14,6 +14,8 @@
 #define BVH8_NODE_RECORDS 16u // Records of `nodes` that a node of a hierarchy of eight children takes
 #define BVH8_LINKS 12u // The first of these with links
 #define BVH8_PACKET_RECORDS 18u // Records of `bounds` that a packet of eight triangles takes
+#define KEY_LANE 7u // Bits of a key on the stack of such a hierarchy that are a child's number in its node
+#define FIRST_KEY 4286578688u // The key of what is entered before everything: the bits of -infinity
 
 // Records of instances.
 #define INSTANCE_RECORDS 11u // Records of `bounds` that an instance takes; what they are, `src/pack/instances.rs` says

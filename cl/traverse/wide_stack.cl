@@ -12,9 +12,6 @@
 #define STACK_SIZE 64 // the host knows it
 #endif
 
-#define KEY_LANE 7u            // the bits of a key that are a number
-#define FIRST_KEY 0xff800000u // -infinity: entered before everything
-
 // Keys, and the first records of the nodes whose children they are. Below them is the end, eight times: as many are
 // looked at together.
 #define ENDS 8u

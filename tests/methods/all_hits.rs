@@ -158,21 +158,21 @@ fn they_are_those_of_exact_arithmetic_in_every_structure() {
 const ON_DEVICES: [&str; 10] = [
     "structure=bvh8 packet_size=16 ray_order=sorted triangles=leaf-order",
     "structure=bvh8 packet_size=16",
-    "structure=kd traversal=ropes",
     "structure=bvh2 spatial_splits=1",
-    "structure=bvh2 intersector=watertight",
+    "structure=kd traversal=ropes",
     "structure=bvh2",
-    "structure=bvh8 intersector=precomputed",
     "structure=kd packet_size=16 intersector=moller-trumbore",
-    "structure=grid triangles=leaf-order",
+    "structure=bvh2 intersector=watertight",
+    "structure=bvh8 intersector=precomputed",
     "structure=bvh8 spatial_splits=auto",
+    "structure=grid triangles=leaf-order",
 ];
 
 #[test]
 fn device_and_twin_agree() {
     let Some(device) = quick_device() else { return };
     let models = Model::all();
-    for text in usually_every(2, ON_DEVICES) {
+    for text in usually_every(3, ON_DEVICES) {
         let options = asked(text);
         for model in models {
             let got = model.all_hits(&options, Some(&device));

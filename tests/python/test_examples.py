@@ -42,7 +42,7 @@ def test_programs(program, tmp_path):
         [sys.executable, ROOT / program[0], *program[1:]], cwd=tmp_path, capture_output=True, text=True
     )
     assert run.returncode == 0, run.stderr
-    assert run.stdout.count("\n| ") == 21
+    assert run.stdout.count("\n| ") == 23
 
 
 def test_the_simulation_of_many_machines(tmp_path):

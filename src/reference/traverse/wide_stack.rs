@@ -1,7 +1,6 @@
 //! Twin of `cl/traverse/wide_stack.cl`. The reasons are there.
 
-const KEY_LANE: u32 = 7;
-const FIRST_KEY: u32 = f32::NEG_INFINITY.to_bits();
+use crate::shared::{FIRST_KEY, KEY_LANE};
 
 /// What waits: keys, and the numbers of the nodes whose children they are. The first entry is the end.
 pub struct WideStack {
