@@ -62,17 +62,6 @@ typedef struct {
     uint16 primitive;
 } FinishedHits;
 
-// Reads the corners of packet number `packet` of triangles.
-void load_corners(GEOMETRY_PARAMETERS, uint packet, float8* a, float8* b, float8* c) {
-#pragma unroll
-    for (uint axis = 0; axis < 3u; axis++) {
-        const uint record = BVH8_PACKET_RECORDS * packet + 2u * axis;
-        a[axis] = LOAD_PACKET(geometry, record);
-        b[axis] = LOAD_PACKET(geometry, record + 6u);
-        c[axis] = LOAD_PACKET(geometry, record + 12u);
-    }
-}
-
 // For each of eight triangles which of the packets of rays in `members` may hit it, as far as their frusta tell: bit k
 // of byte i. Without frusta, which is 0, all.
 ulong met_by_frusta(const Frustum* frusta, uint members, const float8* a, const float8* b, const float8* c) {

@@ -1,25 +1,24 @@
 // Point queries in a hierarchy of eight children a node (src/accel/bvh8.rs), eight boxes and eight triangles at a time:
 // for CPUs, whose vectors one point fills.
 
+// How far the point is outside of eight boxes along an axis whose planes are the records from `planes` on.
+float8 outside_of(GEOMETRY_PARAMETERS, uint planes, float8 point) {
+    const float8 below = LOAD_EIGHT(geometry, planes) - point, above = point - LOAD_EIGHT(geometry, planes + 2u);
+    return larger8(larger8(below, above), (float8)(0.0f));
+}
+
 // The squares of distances that are no larger than those to the eight boxes of a node, but for 5.1 EPSILON of
 // themselves: limit_of() makes up for that.
-float8 box_squares(GEOMETRY_PARAMETERS, uint node, const float8* point) {
-    float8 outside[3];
-#pragma unroll
-    for (uint axis = 0; axis < 3u; axis++) {
-        const float8 below = LOAD_EIGHT(geometry, node + 4u * axis) - point[axis];
-        const float8 above = point[axis] - LOAD_EIGHT(geometry, node + 4u * axis + 2u);
-        outside[axis] = larger8(larger8(below, above), (float8)(0.0f));
-    }
-    return fma(outside[0], outside[0], fma(outside[1], outside[1], outside[2] * outside[2]));
+float8 box_squares(GEOMETRY_PARAMETERS, uint node, Vector8 point) {
+    const Vector8 outside = {outside_of(GEOMETRY, node, point.x), outside_of(GEOMETRY, node + 4u, point.y),
+                             outside_of(GEOMETRY, node + 8u, point.z)};
+    return dot_product8(outside, outside);
 }
 
 // A corner of each triangle of a packet, from the point as the origin.
-Vector8 corner_from(GEOMETRY_PARAMETERS, uint packet, uint corner, const float8* point) {
-    const uint record = BVH8_PACKET_RECORDS * packet + 6u * corner;
-    const Vector8 from = {LOAD_PACKET(geometry, record) - point[0], LOAD_PACKET(geometry, record + 2u) - point[1],
-                          LOAD_PACKET(geometry, record + 4u) - point[2]};
-    return from;
+Vector8 corner_from(const float8* corner, Vector8 point) {
+    const Vector8 at = {corner[0], corner[1], corner[2]};
+    return minus8(at, point);
 }
 
 float least_of_eight(float8 v) {
@@ -30,7 +29,7 @@ float least_of_eight(float8 v) {
 
 // As that of binary.cl.
 uint visit_triangles(GEOMETRY_PARAMETERS, float3 from, float* distance, __global uint* list, const bool lists) {
-    const float8 point[3] = {(float8)(from.x), (float8)(from.y), (float8)(from.z)};
+    const Vector8 point = {(float8)(from.x), (float8)(from.y), (float8)(from.z)};
     WideStack stack;
     start_stack(&stack);
     uint stacked = 0u, link = 0u, listed = 0u;
@@ -44,9 +43,10 @@ uint visit_triangles(GEOMETRY_PARAMETERS, float3 from, float* distance, __global
         }
         const uint first = link & BVH_FIRST_MASK, count = (link & ~BVH_LEAF) >> BVH_COUNT_SHIFT;
         if (count > 0u) {
-            const Vector8 a = corner_from(GEOMETRY, first / 8u, 0u, point);
-            const Vector8 b = corner_from(GEOMETRY, first / 8u, 1u, point);
-            const Vector8 c = corner_from(GEOMETRY, first / 8u, 2u, point);
+            float8 corners[9];
+            load_corners(GEOMETRY, first / 8u, corners, corners + 3, corners + 6);
+            const Vector8 a = corner_from(corners, point), b = corner_from(corners + 3, point),
+                          c = corner_from(corners + 6, point);
             if (!lists) { // where there are fewer, the last one is there several times
                 *distance = smaller(least_of_eight(farthest_distance8(a, b, c)), *distance);
                 limit = limit_of(*distance);

@@ -5,7 +5,7 @@ use crate::fma::with_fma;
 use crate::layout::Float4;
 use crate::math::is_finite3;
 use crate::pack::PointScene;
-use crate::reference::points::{binary, wide};
+use crate::reference::points::{Search, binary, wide};
 
 /// How many triangles may be the nearest one of a point; `list` gets them.
 #[inline(always)]
@@ -15,9 +15,11 @@ fn candidates(scene: &PointScene, point: Float4, list: &mut dyn FnMut(u32)) -> u
         return 0;
     }
     let visit_triangles = if scene.is_wide() { wide::visit_triangles } else { binary::visit_triangles };
-    let mut distance = f32::INFINITY;
-    visit_triangles(scene, point, &mut distance, None);
-    visit_triangles(scene, point, &mut distance, Some(list))
+    let mut nearest = Search::nearest();
+    visit_triangles(scene, point, &mut nearest);
+    let mut within = Search::within(nearest.distance, list);
+    visit_triangles(scene, point, &mut within);
+    within.listed
 }
 
 with_fma! {

@@ -1,8 +1,8 @@
 //! Twin of `cl/points/binary.cl`: points in a hierarchy of two children a node. The reasons are there.
 
-use super::distance::{farthest_distance, limit_of, may_be_within};
+use super::Search;
 use crate::bounds::BOX_DISTANCE_DOWN;
-use crate::math::{abs3, dot3, max_or, min_or};
+use crate::math::{abs3, dot3, max_or};
 use crate::options::TraceOptions;
 use crate::pack::PointScene;
 use crate::shared::{BVH_COUNT_SHIFT, BVH_FIRST_MASK, BVH_LEAF, BVH_NODE_RECORDS, KdNode};
@@ -16,21 +16,13 @@ fn box_square(point: Vec3, middle: Vec3, half_size: Vec3) -> f32 {
     dot3(outside, outside)
 }
 
-/// Goes through all leaves that may be within `distance`, nearer ones first, and lists the triangles that may be within
-/// it; returns how many. Without a list it returns none, and `distance` becomes one within which there surely is a
-/// triangle.
+/// Goes through all leaves that may have what is looked for, nearer ones first.
 #[inline(always)]
-pub fn visit_triangles(
-    scene: &PointScene,
-    point: Vec3,
-    distance: &mut f32,
-    mut list: Option<&mut dyn FnMut(u32)>,
-) -> u32 {
+pub fn visit_triangles(scene: &PointScene, point: Vec3, search: &mut Search) {
     let nodes = scene.nodes();
     let (mut links, mut squares) =
         ([0; TraceOptions::MAX_DEPTH as usize + 1], [0.0; TraceOptions::MAX_DEPTH as usize + 1]);
-    let (mut stacked, mut link, mut count) = (0, 0u32, 0);
-    let mut limit = limit_of(*distance);
+    let (mut stacked, mut link) = (0, 0u32);
     loop {
         while link & BVH_LEAF == 0 {
             let first = (BVH_NODE_RECORDS * link) as usize;
@@ -43,12 +35,12 @@ pub fn visit_triangles(
             let (link0, link1) = (z0[0].to_bits(), z0[1].to_bits());
             let goes_to1 = square1 < square0;
             let (near, far) = if goes_to1 { (square1, square0) } else { (square0, square1) };
-            if far <= limit {
+            if far <= search.limit {
                 links[stacked] = if goes_to1 { link0 } else { link1 };
                 squares[stacked] = far;
                 stacked += 1;
             }
-            link = match near <= limit {
+            link = match near <= search.limit {
                 true if goes_to1 => link1,
                 true => link0,
                 false => BVH_LEAF,
@@ -57,26 +49,15 @@ pub fn visit_triangles(
         let first = link & BVH_FIRST_MASK;
         for i in first..first + ((link & !BVH_LEAF) >> BVH_COUNT_SHIFT) {
             let primitive = scene.references()[i as usize];
-            let corners = scene.vertices(primitive).map(|corner| corner - point);
-            match &mut list {
-                None => {
-                    *distance = min_or(farthest_distance(corners), *distance);
-                    limit = limit_of(*distance);
-                }
-                Some(list) if may_be_within(corners, *distance) => {
-                    list(primitive);
-                    count += 1;
-                }
-                Some(_) => {}
-            }
+            search.take(primitive, scene.vertices(primitive).map(|corner| corner - point));
         }
         loop {
             if stacked == 0 {
-                return count;
+                return;
             }
             stacked -= 1;
             link = links[stacked];
-            if squares[stacked] <= limit {
+            if squares[stacked] <= search.limit {
                 break;
             }
         }
@@ -88,6 +69,8 @@ mod tests {
     use super::*;
     use crate::bounds::LEAST_DISTANCE_ERROR;
     use crate::random::Random;
+    use crate::reference::points::distance::limit_of;
+    use crate::reference::points::reached;
     use glam::DVec3;
 
     #[test]
@@ -100,8 +83,7 @@ mod tests {
             let away = (DVec3::from(point) - DVec3::from(middle)).abs() - DVec3::from(half_size);
             let exact = away.max(DVec3::ZERO).length();
             // The least distance that the box is as near as, and one that is a bit less.
-            let reached = exact as f32;
-            let reached = if f64::from(reached) < exact { reached.next_up() } else { reached };
+            let reached = reached(exact);
             assert!(box_square(point, middle, half_size) <= limit_of(reached.max(LEAST_DISTANCE_ERROR)));
             close += usize::from(exact > 0.0 && box_square(point, middle, half_size) > limit_of(0.999 * reached));
         }

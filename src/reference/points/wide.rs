@@ -1,16 +1,14 @@
 //! Twin of `cl/points/wide.cl`: points in a hierarchy of eight children a node, one box and one triangle after the
 //! other. The reasons are there.
 
-use super::distance::{farthest_distance, limit_of, may_be_within};
+use super::Search;
 use crate::accel::leaf_range;
 use crate::layout::Float4;
-use crate::math::{dot3, max_or, min_or};
+use crate::math::{dot3, max_or};
 use crate::pack::PointScene;
-use crate::reference::traverse::wide_stack::WideStack;
+use crate::reference::traverse::wide_stack::{WIDTH, WideStack};
 use crate::shared::{BVH_LEAF, BVH8_LINKS, BVH8_NODE_RECORDS, BVH8_PACKET_RECORDS};
 use glam::Vec3;
-
-const WIDTH: usize = 8;
 
 /// The square of a distance that is no larger than that to a child's box.
 #[inline(always)]
@@ -31,40 +29,25 @@ fn corners_from(packet: &[Float4], lane: usize, point: Vec3) -> [Vec3; 3] {
 
 /// As `visit_triangles` of `binary.rs`.
 #[inline(always)]
-pub fn visit_triangles(
-    scene: &PointScene,
-    point: Vec3,
-    distance: &mut f32,
-    mut list: Option<&mut dyn FnMut(u32)>,
-) -> u32 {
+pub fn visit_triangles(scene: &PointScene, point: Vec3, search: &mut Search) {
     let words: &[u32] = bytemuck::cast_slice(scene.nodes());
     let node_words = 4 * BVH8_NODE_RECORDS as usize;
     let mut stack = WideStack::new(scene.stack_entries());
-    let (mut link, mut listed) = (0u32, 0);
-    let mut limit = limit_of(*distance);
+    let mut link = 0u32;
     loop {
         if link & BVH_LEAF == 0 {
             let node = &words[node_words * link as usize..][..node_words];
             let met = (0..WIDTH).map(|lane| (lane, box_square(node, lane, point)));
-            stack.push(link, met.filter(|(_, square)| *square <= limit), list.is_some());
+            stack.push(link, met.filter(|(_, square)| *square <= search.limit), search.list.is_some());
         } else {
             let references = leaf_range(link).expect("it is no inner node");
             let records = BVH8_PACKET_RECORDS as usize;
             let packet = scene.triangles().get(references.start / WIDTH * records..).unwrap_or_default();
             for (lane, reference) in references.enumerate() {
-                let corners = corners_from(packet, lane, point);
-                match &mut list {
-                    None => *distance = min_or(farthest_distance(corners), *distance),
-                    Some(list) if may_be_within(corners, *distance) => {
-                        list(scene.references()[reference]);
-                        listed += 1;
-                    }
-                    Some(_) => {}
-                }
+                search.take(scene.references()[reference], corners_from(packet, lane, point));
             }
-            limit = limit_of(*distance);
         }
-        let Some((node, lane)) = stack.next(limit) else { return listed };
+        let Some((node, lane)) = stack.next(search.limit) else { return };
         link = words[node_words * node as usize + 4 * BVH8_LINKS as usize + lane];
     }
 }
@@ -74,6 +57,8 @@ mod tests {
     use super::*;
     use crate::bounds::LEAST_DISTANCE_ERROR;
     use crate::random::Random;
+    use crate::reference::points::distance::limit_of;
+    use crate::reference::points::reached;
     use glam::DVec3;
 
     #[test]
@@ -92,8 +77,7 @@ mod tests {
             let [low, high, at] = [low, high, point].map(DVec3::from);
             let exact = (low - at).max(at - high).max(DVec3::ZERO).length();
             // The least distance that the box is as near as, and one that is a bit less.
-            let reached = exact as f32;
-            let reached = if f64::from(reached) < exact { reached.next_up() } else { reached };
+            let reached = reached(exact);
             let square = box_square(&node, i % WIDTH, point);
             assert!(square <= limit_of(reached.max(LEAST_DISTANCE_ERROR)));
             close += usize::from(exact > 0.0 && square > limit_of(0.999 * reached));

@@ -1,7 +1,7 @@
 //! Twin of `cl/traverse/bvh8.cl`, one box and one triangle after the other. The reasons are there.
 
 use super::leaf::test_triangles;
-use super::wide_stack::WideStack;
+use super::wide_stack::{WIDTH, WideStack};
 use crate::accel::leaf_range;
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
@@ -11,8 +11,6 @@ use crate::reference::shared::memory::{Work, count_packet, load_wide_link, load_
 use crate::reference::shared::ray::{Ray, no_hit_yet};
 use crate::reference::shared::slab::Slabs;
 use crate::shared::{BVH_LEAF, BVH8_NODE_RECORDS, Hit, WorkCounter};
-
-const WIDTH: usize = 8;
 
 /// When the ray enters child `lane` of a node, and leaves it.
 #[inline(always)]

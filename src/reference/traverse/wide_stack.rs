@@ -2,6 +2,9 @@
 
 use crate::shared::{FIRST_KEY, KEY_LANE};
 
+/// Children of a node, and triangles of a packet.
+pub const WIDTH: usize = 8;
+
 /// What waits: keys, and the numbers of the nodes whose children they are. The first entry is the end.
 pub struct WideStack {
     entries: Vec<(u32, u32)>,
