@@ -134,19 +134,18 @@ ONE_COPY void test_exactly(GEOMETRY_PARAMETERS, const Ray* ray, uint primitive, 
     hit->primitive = primitive;
 }
 
-// Decides about the triangles that a traversal has postponed. Returns whether one of them is now the hit, and the bits
-// of its weights that are surely zero.
+// Decides about the triangles that a traversal has postponed. Returns whether one of them is now the hit.
 //
 // The nearest hit does not depend on the order in which triangles are tested. Of any hits that one is the answer which
 // the traversal would have stopped at: a postponed one, if it is hit, because a sure hit ends the traversal.
-bool settle_postponed(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit* hit, uint* zeros) {
+bool settle_exactly(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit* hit) {
     bool found = false;
-    *zeros = 0u;
 #ifdef DEFER_UNDECIDED
     const uint count = geometry->undecided->count;
     if (count == 0u) return false;
     geometry->undecided->count = 0u;
     const Hit sure = *hit;
+    uint zeros = 0u; // bits of the hit's weights that are surely zero
     if (any_hit) *hit = no_hit_yet(ray);
     for (uint i = 0; i < count && !(any_hit && found); i++) {
         const uint primitive = geometry->undecided->primitives[i];
@@ -156,21 +155,16 @@ bool settle_postponed(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, H
         const float3 p2 = LOAD_SURFACE_VERTEX(geometry, primitive, 2);
         float t_low, t_high;
         uint own_zeros;
-        if (!decide_undecided(GEOMETRY, ray, p0, p1, p2, primitive, hit, *zeros, &t_low, &t_high, &own_zeros)) continue;
+        if (!decide_undecided(GEOMETRY, ray, p0, p1, p2, primitive, hit, zeros, &t_low, &t_high, &own_zeros)) continue;
         hit->t = t_high;
         hit->u = t_low;
         hit->primitive = primitive;
-        *zeros = own_zeros;
+        zeros = own_zeros;
         found = true;
     }
     if (any_hit && !found) *hit = sure;
 #endif
     return found;
-}
-
-bool settle_exactly(GEOMETRY_PARAMETERS, const Ray* ray, const bool any_hit, Hit* hit) {
-    uint zeros;
-    return settle_postponed(GEOMETRY, ray, any_hit, hit, &zeros);
 }
 
 // t in the caller's units, if it is wanted, and the weights of the triangle that a traversal has found: the floats

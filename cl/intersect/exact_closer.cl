@@ -10,6 +10,8 @@
 // two products and sums are off by 16, its difference from p0 by 3, a vector product's component by 11, a sum of three
 // products by 11; W by 9 more.
 #define CLOSER_ERROR 0x1p-100f
+// Of what power of two 0 is a multiple: of any, and this is more than others.
+#define MOST_LOW 300
 
 // Of a triangle.
 typedef struct {
@@ -58,29 +60,45 @@ RARE void closer_numbers(const TrianglePoint* start, float3 ray_direction, const
 }
 
 // Whether a bound is one: products of three floats that make it underflow only where it would be smaller than this.
-bool is_closer_bound(float bound) { return bound > LEAST_MAGNITUDE * 0x1p-44f && bound <= FLT_MAX; }
+#define LEAST_CLOSER_BOUND (LEAST_MAGNITUDE * 0x1p-44f)
+bool is_closer_bound(float bound) { return bound > LEAST_CLOSER_BOUND && bound <= FLT_MAX; }
 
 int sure_sign_closer(DoubleDouble number, float bound) {
     if (!is_closer_bound(bound)) return 0;
     return number.x > (double)bound ? 1 : number.x < -(double)bound ? -1 : 0;
 }
 
-// Half of what D and the weights are multiples of: with every coordinate one of 2^low, the start's weights of 2^low_w
-// and the direction's components of 2^low_d, those are of 2^(2 low + low_w + low_d). Most rays start on no triangle.
-RARE double half_closer_unit(const TrianglePoint* start, float3 direction, const Corners* corners) {
+// Half of what numbers are multiples of. Every term of T is a product of an x, a y and a z of positions; of D and the
+// weights, of two of these and the direction's third. Where every x of a position is a multiple of 2^low_x, and so on,
+// and the start's weights of 2^low_w, T is one of the product of these. Most rays start on no triangle.
+typedef struct {
+    double of_weights, of_t; // D is a multiple of what the weights are
+} HalfUnits;
+
+RARE HalfUnits half_closer_units(const TrianglePoint* start, float3 direction, const Corners* corners) {
     const float3 positions[6] = {corners->p0, corners->p1, corners->p2, start->base, start->other1, start->other2};
     const int count = start->weight1 == 0.0f && start->weight2 == 0.0f ? 4 : 6;
-    int low = 1000, low_w = 0, low_d = 1000, high = -1000;
+    int low_x = MOST_LOW, low_y = MOST_LOW, low_z = MOST_LOW, low_w = 0, high = -MOST_LOW;
 #pragma unroll 1
-    for (int i = 0; i < count; i++) widen_exponents3(positions[i], &low, &high);
-    widen_exponents3(direction, &low_d, &high);
+    for (int i = 0; i < count; i++) {
+        widen_exponents(positions[i].x, &low_x, &high);
+        widen_exponents(positions[i].y, &low_y, &high);
+        widen_exponents(positions[i].z, &low_z, &high);
+    }
+    int along_x = MOST_LOW, along_y = MOST_LOW, along_z = MOST_LOW;
+    widen_exponents(direction.x, &along_x, &high);
+    widen_exponents(direction.y, &along_y, &high);
+    widen_exponents(direction.z, &along_z, &high);
     widen_exponents(start->weight1, &low_w, &high);
     widen_exponents(start->weight2, &low_w, &high);
-    return ldexp(0.5, 2 * low + low_w + low_d);
+    const int of_weights = min(along_x + low_y + low_z, min(low_x + along_y + low_z, low_x + low_y + along_z));
+    const HalfUnits units = {ldexp(0.5, of_weights + low_w), ldexp(0.5, low_x + low_y + low_z + low_w)};
+    return units;
 }
 
+// Bounds that may have underflowed count as what they are less than: those of a ray along an axis through a vertex.
 bool is_surely_zero(DoubleDouble number, float bound, double half_unit) {
-    return is_closer_bound(bound) && fabs(number.x) + (double)bound < half_unit;
+    return bound <= FLT_MAX && fabs(number.x) + (double)larger(bound, 2.0f * LEAST_CLOSER_BOUND) < half_unit;
 }
 
 // The signs that are certain, else 0; and which of the weights are zero for certain: bit i.
@@ -99,7 +117,7 @@ RARE CloserSigns closer_signs(const CloserNumbers* n, const TrianglePoint* start
                      0u,
                      false};
     if (s.det * s.weight0 * s.weight1 * s.weight2 != 0) return s;
-    const double half_unit = half_closer_unit(start, direction, corners);
+    const double half_unit = half_closer_units(start, direction, corners).of_weights;
     s.is_det_zero = s.det == 0 && is_surely_zero(n->det, n->det_bound, half_unit);
     if (s.weight0 == 0 && is_surely_zero(n->weight0, n->bound0, half_unit)) s.zeros |= 1u;
     if (s.weight1 == 0 && is_surely_zero(n->weight1, n->bound1, half_unit)) s.zeros |= 2u;
@@ -122,9 +140,11 @@ uint zeros_of_same_point(uint zeros, const Corners* p, const Corners* q) {
     return first == 0u || last == 0u ? 0u : 7u & ~(first | last);
 }
 
-// Whether numerator / denominator, off by no more than the bounds, surely rounds to the float *rounded.
-bool rounds_surely_closer(DoubleDouble numerator, float numerator_bound, DoubleDouble denominator,
-                          float denominator_bound, float* rounded) {
+// Whether numerator / denominator, off by no more than the bounds and multiples of twice `half_unit` and `half_of_det`,
+// surely rounds to the float *rounded.
+RARE bool rounds_surely_closer(DoubleDouble numerator, float numerator_bound, double half_unit,
+                               DoubleDouble denominator, float denominator_bound, double half_of_det,
+                               float* rounded) {
     if (!is_closer_bound(numerator_bound) || !is_closer_bound(denominator_bound)) return false;
     const double inverse = 1.0 / denominator.x;
     const double relative = (double)denominator_bound * fabs(inverse);
@@ -138,8 +158,21 @@ bool rounds_surely_closer(DoubleDouble numerator, float numerator_bound, DoubleD
     const DoubleDouble quotient = dd_divide(numerator, denominator);
     const double error = 1.01 * (fabs(quotient.x) * (relative + 0x1p-100) + beside);
     const float low = dd_to_float(dd_add(quotient, (DoubleDouble)(-error, 0.0)));
-    *rounded = dd_to_float(dd_add(quotient, (DoubleDouble)(error, 0.0)));
-    return low == *rounded;
+    const float high = *rounded = dd_to_float(dd_add(quotient, (DoubleDouble)(error, 0.0)));
+    if (low == high) return true;
+    // Mostly the quotient is the middle between two floats, and of these the even one counts.
+    if (next_up(low) != high) return false;
+    const double middle = 0.5 * ((double)low + (double)high), half_gap = 0.5 * ((double)high - (double)low);
+    const DoubleDouble product = dd_multiply(denominator, (DoubleDouble)(middle, 0.0));
+    const DoubleDouble rest = dd_subtract(numerator, product);
+    const double rest_bound = (double)numerator_bound + fabs(middle) * (double)denominator_bound +
+                              0x1p-102 * (fabs(numerator.x) + fabs(product.x));
+    if (fabs(rest.x) + rest_bound < fmin(half_unit, half_gap * half_of_det)) {
+        if ((as_uint(low) & 1u) == 0u) *rounded = low;
+        return true;
+    }
+    if ((rest.x > 0.0) != (denominator.x > 0.0)) *rounded = low;
+    return fabs(rest.x) > rest_bound;
 }
 
 // Where a triangle has to be hit to be the nearest hit: the ray's limits of t, and those of the t of the nearest hit so
@@ -175,7 +208,12 @@ RARE ExtendedDecision decide_closer(TrianglePoint start, float3 direction, const
         return result;
     }
     float t;
-    if (!rounds_surely_closer(n.distance, n.distance_bound, n.det, n.det_bound, &t)) return result;
+    if (!rounds_surely_closer(n.distance, n.distance_bound, 0.0, n.det, n.det_bound, 0.0, &t)) {
+        const HalfUnits units = half_closer_units(&start, direction, corners);
+        if (!rounds_surely_closer(n.distance, n.distance_bound, units.of_t, n.det, n.det_bound, units.of_weights,
+                                  &t))
+            return result;
+    }
     if (!(fabs(t) > LEAST_MAGNITUDE)) return result; // whether it is 0, and on which side of a limit, is open
     if (t < limits->t_near || t > limits->t_far || t > limits->t_best_high) {
         result.decision = MISS;
@@ -210,19 +248,20 @@ bool finish_weight_closer(DoubleDouble numerator, float bound, const CloserNumbe
                           float* weight) {
     *weight = 0.0f;
     return is_surely_zero(numerator, bound, half_unit) ||
-           rounds_surely_closer(numerator, bound, n->det, n->det_bound, weight);
+           rounds_surely_closer(numerator, bound, half_unit, n->det, n->det_bound, half_unit, weight);
 }
 
 // t and the weights of a triangle that is hit.
 RARE FinishedHit finish_closer(TrianglePoint start, float3 direction, const Corners* corners) {
     CloserNumbers n;
     closer_numbers(&start, direction, corners, &n);
-    const double half_unit = half_closer_unit(&start, direction, corners);
+    const HalfUnits units = half_closer_units(&start, direction, corners);
     FinishedHit hit;
-    hit.is_sure = rounds_surely_closer(n.distance, n.distance_bound, n.det, n.det_bound, &hit.t) &&
-                  finish_weight_closer(n.weight1, n.bound1, &n, half_unit, &hit.u) &&
-                  finish_weight_closer(n.weight2, n.bound2, &n, half_unit, &hit.v) &&
-                  finish_weight_closer(n.weight0, n.bound0, &n, half_unit, &hit.weight0);
+    hit.is_sure = rounds_surely_closer(n.distance, n.distance_bound, units.of_t, n.det, n.det_bound, units.of_weights,
+                                       &hit.t) &&
+                  finish_weight_closer(n.weight1, n.bound1, &n, units.of_weights, &hit.u) &&
+                  finish_weight_closer(n.weight2, n.bound2, &n, units.of_weights, &hit.v) &&
+                  finish_weight_closer(n.weight0, n.bound0, &n, units.of_weights, &hit.weight0);
     return hit;
 }
 #endif

@@ -15,35 +15,53 @@ typedef struct {
     uint room;
 } HitLists;
 
+// The hits of sixteen rays: the first ones of each, the second ones, and so on, in the order in which they were met.
+typedef struct {
+    const PacketHits* found;
+    int16 zeros[MOST_LISTED]; // bits of their weights that are surely zero
+} ListedHits;
+
+// The number of the hit of a lane on that triangle.
+uint number_of_hit(GEOMETRY_PARAMETERS, const ListedHits* listed, uint lane, uint primitive) {
+    uint i = 0;
+    while (LOAD_REFERENCE(geometry, ((const uint*)&listed->found->listed[i])[lane]) != primitive) i++;
+    return i;
+}
+
 // Whether a ray hits the triangle of one hit before that of another, which have the same t once it is rounded: exactly
 // before, or at the same t with a lower number.
-RARE bool is_exactly_before(GEOMETRY_PARAMETERS, __global const TraceRay* rays, uint index, const PacketHits* found,
+RARE bool is_exactly_before(GEOMETRY_PARAMETERS, __global const TraceRay* rays, uint index, const ListedHits* listed,
                             uint lane, uint primitive, uint other) {
-    const Ray ray = batch_ray(rays, index, geometry->scale);
-    const uint count = ((const uint*)&found->count)[lane];
-    uint of_hit = 0u, of_other = 0u;
-    for (uint i = 0; i < count; i++) {
-        const uint reference = ((const uint*)&found->listed[i])[lane], met = LOAD_REFERENCE(geometry, reference);
-        if (met == primitive) of_hit = reference;
-        if (met == other) of_other = reference;
+    const uint of_hit = number_of_hit(GEOMETRY, listed, lane, primitive);
+    const uint of_other = number_of_hit(GEOMETRY, listed, lane, other);
+    const uint reference = ((const uint*)&listed->found->listed[of_hit])[lane];
+    const uint other_reference = ((const uint*)&listed->found->listed[of_other])[lane];
+#ifdef EXTENDED_IS_DOUBLE
+    const uint zeros = (uint)((const int*)&listed->zeros[of_hit])[lane];
+    if (zeros != 0u) { // most are met at the same vertex or edge
+        const Corners p = corners_of_reference(GEOMETRY, reference);
+        const Corners q = corners_of_reference(GEOMETRY, other_reference);
+        if (zeros_of_same_point(zeros, &p, &q) != 0u) return primitive < other;
     }
+#endif
+    const Ray ray = batch_ray(rays, index, geometry->scale);
     Hit hit = no_hit_yet(&ray);
-    TEST(GEOMETRY, &ray, other, SLOT_OF(of_other, other), &hit);
-    TEST(GEOMETRY, &ray, primitive, SLOT_OF(of_hit, primitive), &hit);
+    TEST(GEOMETRY, &ray, other, SLOT_OF(other_reference, other), &hit);
+    TEST(GEOMETRY, &ray, primitive, SLOT_OF(reference, primitive), &hit);
     return hit.primitive == primitive;
 }
 
 // Sorts a ray's hits, the closest first.
-void sort_hits(GEOMETRY_PARAMETERS, const BatchTile* batch, uint index, const PacketHits* found, uint lane,
+void sort_hits(GEOMETRY_PARAMETERS, const BatchTile* batch, uint index, const ListedHits* listed, uint lane,
                __global Hit* hits) {
-    const uint count = ((const uint*)&found->count)[lane];
+    const uint count = ((const uint*)&listed->found->count)[lane];
     for (uint i = 1; i < count; i++) {
         const Hit hit = hits[i];
         uint place = i;
         for (; place > 0u; place--) {
             const Hit other = hits[place - 1u];
             if (hit.t > other.t) break;
-            if (hit.t == other.t && !is_exactly_before(GEOMETRY, batch->rays, index, found, lane, hit.primitive,
+            if (hit.t == other.t && !is_exactly_before(GEOMETRY, batch->rays, index, listed, lane, hit.primitive,
                                                        other.primitive))
                 break;
             hits[place] = other;
@@ -66,6 +84,8 @@ void list_packet(GEOMETRY_PARAMETERS, const BatchTile* batch, uint square, const
     if (sum == 0u) return;
     const uint begin = atomic_add(lists->used, sum);
     if (begin > lists->room || sum > lists->room - begin) return;
+    ListedHits listed;
+    listed.found = found;
     ulong sound = lanes_where16(counts != 0u);
     for (uint i = 0; i < most; i++) {
         const int16 is_hit = counts > i;
@@ -75,7 +95,7 @@ void list_packet(GEOMETRY_PARAMETERS, const BatchTile* batch, uint square, const
             ((uint*)&primitives)[lane] = LOAD_REFERENCE(geometry, ((const uint*)&found->listed[i])[lane]);
         }
         float16 t = (float16)(0.0f), u = t, v = t, fours[4];
-        const int16 unsure = finish_hits(GEOMETRY, p, is_hit, found->listed[i], (uint16)(0u), &t, &u, &v);
+        const int16 unsure = finish_hits(GEOMETRY, p, is_hit, found->listed[i], &t, &u, &v, &listed.zeros[i]);
         t *= t_factor;
         hits_of_lanes(t, u, v, primitives, fours);
         // A t that may have lost bits is left to single rays, too.
@@ -97,7 +117,7 @@ void list_packet(GEOMETRY_PARAMETERS, const BatchTile* batch, uint square, const
     }
     for (; sound != 0ul; sound = other_lanes8(sound)) {
         const uint lane = first_lane16(sound), index = ray_in_square(batch, square, lane);
-        sort_hits(GEOMETRY, batch, index, found, lane, lists->hits + begin + starts[lane]);
+        sort_hits(GEOMETRY, batch, index, &listed, lane, lists->hits + begin + starts[lane]);
         lists->starts[index] = begin + starts[lane];
     }
 }

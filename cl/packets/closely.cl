@@ -54,7 +54,7 @@ Decision8 decide_closely8(const float8* origin, const float8* direction, const f
     const int8 has_t = convert_int8(fabs(det) > 4.0 * det_error) && fabs(t) > LEAST_MAGNITUDE;
     const Decision8 result = {convert_int8(least >= -weight_error || greatest <= weight_error), has_t,
                               has_t && convert_int8(least > weight_error || greatest < -weight_error), t - t_error,
-                              t + t_error};
+                              t + t_error, (int8)(0)};
     return result;
 }
 #endif

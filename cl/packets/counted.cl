@@ -54,8 +54,13 @@ RARE void count_closely(GEOMETRY_PARAMETERS, const RayPacket* p, const LeafTrian
                         int16 open, PacketHits_counted* hits) {
 #ifdef EXTENDED_IS_DOUBLE
     if (!p->has_low) {
-        const Decision16 d = decide_closely16(GEOMETRY, p, l, reference);
+        Decision16 d;
+        decide_with_doubles(GEOMETRY, p, l, reference, open, false, &d);
         open = count_sure_hits(p, &d, open_lanes(p, &d, open, hits->t_limit), reference, hits);
+        if (is_any16(open)) {
+            decide_with_doubles(GEOMETRY, p, l, reference, open, true, &d);
+            open = count_sure_hits(p, &d, open_lanes(p, &d, open, hits->t_limit), reference, hits);
+        }
     }
 #endif
     for (ulong lanes = lanes_where16(open); lanes != 0ul; lanes = other_lanes8(lanes)) {
@@ -117,7 +122,7 @@ void put_back_counted(const SingleRay_counted* ray, uint lane, const bool any_hi
 INLINE bool test_single_ray_counted(GEOMETRY_PARAMETERS, SingleRay_counted* ray, uint first, uint count,
                                     const bool any_hit) {
     Decision8 d;
-    const ulong open = decide_packet_of_triangles(GEOMETRY, &ray->line, ray->t_limit, first, count, &d);
+    const ulong open = decide_packet_of_triangles(GEOMETRY, &ray->line, ray->t_limit, first, count, true, &d);
     if (open == 0ul) return false;
     const ulong sure = open & lanes_where8(d.sure && d.t_low > ray->line.t_near && d.t_high < ray->t_limit);
 #ifdef LIST_COUNTED

@@ -22,6 +22,7 @@ typedef struct {
     MASK has_t;         // if it is hit, then at a t within the limits
     MASK sure;          // hit for certain, and there
     REAL t_low, t_high; // the limits
+    MASK zeros;         // bits of the weights that are surely zero, of which float32 tells none
 } LANES(Decision);
 
 // What is of the triangles alone; the bounds of the weights, of D and of T are for all rays that it is asked about.
@@ -38,6 +39,7 @@ LANES(Decision) LANES(decide)(const REAL* a, const REAL* direction, const LANES(
     const REAL nx = triangle->n[0], ny = triangle->n[1], nz = triangle->n[2];
     const REAL weight_bound = triangle->weight_bound, det_bound = triangle->det_bound;
     LANES(Decision) result;
+    result.zeros = (MASK)(0);
     const REAL cx = fma(ay, dz, -(az * dy)), cy = fma(az, dx, -(ax * dz)), cz = fma(ax, dy, -(ay * dx));
     const REAL weight1 = fma(e2x, cx, fma(e2y, cy, e2z * cz));
     const REAL minus_weight2 = fma(e1x, cx, fma(e1y, cy, e1z * cz));

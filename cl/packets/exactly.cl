@@ -60,7 +60,7 @@ typedef struct {
     float16 t_limit; // up to which t a lane looks for a hit: nowhere where that is -infinity
     float16 t_high, t_low;
     uint16 reference, primitive; // NO_PRIMITIVE where there is none
-    uint16 zeros;                // bits of the weights of a settled hit that are surely zero
+    int16 zeros;                 // bits of its weights that are surely zero
     int16 undecided_lanes;
     uint16 postponed; // how many
     uint postponed_references[16][MAX_POSTPONED];
@@ -69,7 +69,7 @@ typedef struct {
 void start_packet_exactly(const RayPacket* p, PacketHits_exactly* hits) {
     hits->t_limit = hits->t_high = hits->t_low = p->t_far;
     hits->reference = hits->primitive = (uint16)(NO_PRIMITIVE);
-    hits->zeros = (uint16)(0u);
+    hits->zeros = (int16)(0);
     hits->postponed = (uint16)(0u);
     hits->undecided_lanes = (int16)(0);
 }
@@ -115,8 +115,7 @@ void settle_lane_exactly(GEOMETRY_PARAMETERS, const Ray* ray, uint lane, const b
     const uint count = ((const uint*)&hits->postponed)[lane];
     Hit hit = {lane_of16(&hits->t_high, lane), lane_of16(&hits->t_low, lane), 0.0f, *primitive};
     for (uint i = 0; i < count; i++) (void)postpone(geometry, LOAD_REFERENCE(geometry, listed[i]));
-    uint zeros;
-    const bool is_other = settle_postponed(GEOMETRY, ray, any_hit, &hit, &zeros);
+    const bool is_other = settle_exactly(GEOMETRY, ray, any_hit, &hit);
     if (FORGET_DEFERRED(geometry)) {
         ((int*)&hits->undecided_lanes)[lane] = -1;
         return;
@@ -126,7 +125,6 @@ void settle_lane_exactly(GEOMETRY_PARAMETERS, const Ray* ray, uint lane, const b
         if (LOAD_REFERENCE(geometry, listed[i]) == hit.primitive)
             ((uint*)&hits->reference)[lane] = listed[i];
     *primitive = hit.primitive;
-    ((uint*)&hits->zeros)[lane] = zeros;
     set_lane16(&hits->t_high, lane, hit.t);
     set_lane16(&hits->t_low, lane, hit.u);
 }
@@ -144,14 +142,17 @@ int16 take_sure_hits(const RayPacket* p, const Decision16* d, int16 open, uint r
     hits->t_low = taken ? d->t_low : hits->t_low;
     hits->reference = taken ? (uint16)(reference) : hits->reference;
     hits->primitive = taken ? (uint16)(primitive) : hits->primitive;
+    hits->zeros = taken ? d->zeros : hits->zeros;
     hits->t_limit = taken ? any_hit ? (float16)(-INFINITY) : d->t_high : hits->t_limit;
     return open && !taken;
 }
 
 #ifdef EXTENDED_IS_DOUBLE
 #define HALF(vector) (part == 0u ? (vector).lo : (vector).hi)
-// decide_closely8() for a packet whose origins have no second part, and that triangle.
-Decision16 decide_closely16(GEOMETRY_PARAMETERS, const RayPacket* p, const LeafTriangles_exactly* l, uint reference) {
+// decide_closely8(), or decide_closer8() if that is `closer`, for those lanes of a packet whose origins have no second
+// part, and that triangle. Half of a packet without any is left out: nothing is possible there.
+INLINE void decide_with_doubles(GEOMETRY_PARAMETERS, const RayPacket* p, const LeafTriangles_exactly* l,
+                                uint reference, const int16 lanes, const bool closer, Decision16* result) {
     float8 corners[9];
     const uint record = BVH8_PACKET_RECORDS * (reference / 8u), lane = reference % 8u;
 #pragma unroll
@@ -162,27 +163,64 @@ Decision16 decide_closely16(GEOMETRY_PARAMETERS, const RayPacket* p, const LeafT
     Decision8 d[2];
 #pragma unroll
     for (uint part = 0; part < 2u; part++) {
+        const Decision8 nothing = {(int8)(0), (int8)(0), (int8)(0), (float8)(0.0f), (float8)(0.0f), (int8)(0)};
+        d[part] = nothing;
+        if (!is_any8(HALF(lanes))) continue;
         const float8 origin[3] = {HALF(p->origin[0]), HALF(p->origin[1]), HALF(p->origin[2])};
         const float8 direction[3] = {HALF(p->direction[0]), HALF(p->direction[1]), HALF(p->direction[2])};
-        d[part] = decide_closely8(origin, direction, corners, weight_bound, det_bound, t_bound);
+        d[part] = closer ? decide_closer8(origin, direction, corners, weight_bound, det_bound, t_bound)
+                         : decide_closely8(origin, direction, corners, weight_bound, det_bound, t_bound);
     }
-    const Decision16 result = {
-        (int16)(d[0].possible, d[1].possible), (int16)(d[0].has_t, d[1].has_t), (int16)(d[0].sure, d[1].sure),
-        (float16)(d[0].t_low, d[1].t_low), (float16)(d[0].t_high, d[1].t_high)};
-    return result;
+    result->possible = (int16)(d[0].possible, d[1].possible);
+    result->has_t = (int16)(d[0].has_t, d[1].has_t);
+    result->sure = (int16)(d[0].sure, d[1].sure);
+    result->t_low = (float16)(d[0].t_low, d[1].t_low);
+    result->t_high = (float16)(d[0].t_high, d[1].t_high);
+    result->zeros = (int16)(d[0].zeros, d[1].zeros);
 }
 #undef HALF
+
+// Returns which of these lanes, that cross the triangle's plane, meet it where they meet their hit: at the same vertex
+// or edge. Of the two the lower number is the hit.
+int16 take_same_points(GEOMETRY_PARAMETERS, int16 lanes, uint reference, uint primitive, PacketHits_exactly* hits) {
+    const int16 at_edges = lanes && hits->zeros != 0;
+    int16 same = (int16)(0);
+    if (!is_any16(at_edges)) return same;
+    const Corners corners = corners_of_reference(GEOMETRY, reference);
+    for (ulong rest = lanes_where16(at_edges); rest != 0ul; rest = other_lanes8(rest)) {
+        const uint lane = first_lane16(rest);
+        const Corners best = corners_of_reference(GEOMETRY, ((const uint*)&hits->reference)[lane]);
+        const uint zeros = zeros_of_same_point((uint)((const int*)&hits->zeros)[lane], &best, &corners);
+        if (zeros == 0u) continue;
+        const int16 here = only_lane16(lane), taken = here && (uint16)(primitive) < hits->primitive;
+        same = same || here;
+        hits->reference = taken ? (uint16)(reference) : hits->reference;
+        hits->primitive = taken ? (uint16)(primitive) : hits->primitive;
+        hits->zeros = taken ? (int16)((int)zeros) : hits->zeros;
+    }
+    return same;
+}
 #endif
 
-// What becomes of the lanes `open`, for which float32 does not decide about that triangle: twice the precision does, or
-// it is put aside for them.
+// What becomes of the lanes `open`, for which float32 does not decide about that triangle: twice or four times the
+// precision does, or it is put aside for them.
 RARE void test_closely(GEOMETRY_PARAMETERS, const RayPacket* p, const LeafTriangles_exactly* l, uint reference,
                        const bool any_hit, int16 open, PacketHits_exactly* hits) {
 #ifdef EXTENDED_IS_DOUBLE
     if (!p->has_low) {
-        const Decision16 d = decide_closely16(GEOMETRY, p, l, reference);
+        const uint primitive = LOAD_REFERENCE(geometry, reference);
+        Decision16 d;
+        decide_with_doubles(GEOMETRY, p, l, reference, open, false, &d);
         open = open_lanes(p, &d, open, hits->t_limit);
-        open = take_sure_hits(p, &d, open, reference, LOAD_REFERENCE(geometry, reference), any_hit, hits);
+        open = take_sure_hits(p, &d, open, reference, primitive, any_hit, hits);
+        open = open && !take_same_points(GEOMETRY, open && d.has_t, reference, primitive, hits);
+        // Where the hit is sure, it is open which of two is nearer.
+        const int16 unsure = open && !d.sure && p->skip == NO_PRIMITIVE;
+        if (is_any16(unsure)) {
+            decide_with_doubles(GEOMETRY, p, l, reference, unsure, true, &d);
+            const int16 met = open_lanes(p, &d, unsure, hits->t_limit);
+            open = (open && !unsure) || take_sure_hits(p, &d, met, reference, primitive, any_hit, hits);
+        }
     }
 #endif
     postpone_for_lanes(hits, reference, open);

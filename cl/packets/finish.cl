@@ -1,6 +1,6 @@
 // t, u and v of the exact hits of a packet: finish_extended() of exact_filter.cl, in the same precision with the same
-// bounds, for eight lanes at a time, the bounds for all sixteen. Lanes that it is not sure of are undecided. Instead of
-// t surfaces want the weight of vertex 0.
+// bounds, for eight lanes at a time, the bounds for all sixteen; and where that is not sure, finish_closer() of
+// exact_closer.cl. Lanes that neither is sure of are undecided. Instead of t surfaces want the weight of vertex 0.
 
 #ifdef EXTENDED_IS_DOUBLE
 typedef struct {
@@ -56,16 +56,26 @@ typedef struct {
     float8 det, third, u, v;
 } FinishBounds8;
 
-// t, or the weight of vertex 0, u and v of eight hits, and the lanes where they are sure.
+// t, or the weight of vertex 0, u and v of eight hits, the lanes where they are sure, and the bits of the weights that
+// are surely zero.
 typedef struct {
     float8 third, u, v;
-    int8 is_sure;
+    int8 is_sure, zeros;
 } Finished8;
 
-// Of eight rays and their triangles, corner by corner. `low`: second parts of origins, 0 where there are none. `zeros`:
-// bits of the weights that are zero.
-Finished8 finish_eight(const float8* o, const float8* low, const float8* d, const float8* c, const uint8 zeros,
-                       const bool wants_t, const FinishBounds8 bounds) {
+// In place of the weight of vertex 0 what the others leave of 1, which is near enough where it is the largest one, as
+// finish_extended() has it.
+void take_rest8(int8 is_rounded, Finished8* f) {
+    const float8 rest = (1.0f - f->u) - f->v;
+    const int8 is_rest = rest >= f->u && rest >= f->v;
+    f->is_sure = f->is_sure && (is_rounded || is_rest);
+    f->third = is_rest ? rest : f->third;
+}
+
+// Of eight rays and their triangles, corner by corner. `low`: second parts of origins, 0 where there are none. Of zeros
+// this precision tells nothing.
+Finished8 finish_eight(const float8* o, const float8* low, const float8* d, const float8* c, const bool wants_t,
+                       const FinishBounds8 bounds) {
     const Doubles3 edge1 = difference_of_doubles(c[3], c[4], c[5], c[0], c[1], c[2]);
     const Doubles3 edge2 = difference_of_doubles(c[6], c[7], c[8], c[0], c[1], c[2]);
     Doubles3 from = difference_of_doubles(c[0], c[1], c[2], o[0], o[1], o[2]);
@@ -81,32 +91,91 @@ Finished8 finish_eight(const float8* o, const float8* low, const float8* d, cons
     const double8 inverse = 1.0 / det;
     const float8 det_error = bounds.det / fabs(convert_float8(det));
     Finished8 f;
-    int8 is_sure =
-        bounds.det > LEAST_MAGNITUDE * EXTENDED_EPSILON && bounds.det <= FLT_MAX && det_error < MOST_DET_ERROR;
-    const int8 is_u_zero = (zeros & 2u) != 0u, is_v_zero = (zeros & 4u) != 0u;
-    is_sure = is_sure && (round_surely8(weight1, bounds.u, inverse, det_error, &f.u) || is_u_zero);
-    is_sure = is_sure && (round_surely8(weight2, bounds.v, inverse, det_error, &f.v) || is_v_zero);
-    f.u = is_u_zero ? (float8)(0.0f) : f.u;
-    f.v = is_v_zero ? (float8)(0.0f) : f.v;
-    if (wants_t) {
-        f.is_sure =
-            is_sure && round_surely8(dot_doubles(&normal, &from), bounds.third, inverse, det_error, &f.third);
-        return f;
-    }
-    // As finish_extended(): what the others leave of 1 is near enough where it is the largest weight.
-    const float8 rest = (1.0f - f.u) - f.v;
-    const int8 is_rest = rest >= f.u && rest >= f.v;
-    const double8 weight0 = (det - weight1) - weight2;
-    f.is_sure = is_sure && (round_surely8(weight0, bounds.third, inverse, det_error, &f.third) || is_rest);
-    f.third = is_rest ? rest : f.third;
+    f.zeros = (int8)(0);
+    f.is_sure = bounds.det > LEAST_MAGNITUDE * EXTENDED_EPSILON && bounds.det <= FLT_MAX && det_error < MOST_DET_ERROR;
+    f.is_sure = f.is_sure && round_surely8(weight1, bounds.u, inverse, det_error, &f.u);
+    f.is_sure = f.is_sure && round_surely8(weight2, bounds.v, inverse, det_error, &f.v);
+    const double8 third = wants_t ? dot_doubles(&normal, &from) : (det - weight1) - weight2;
+    const int8 is_rounded = round_surely8(third, bounds.third, inverse, det_error, &f.third);
+    if (wants_t)
+        f.is_sure = f.is_sure && is_rounded;
+    else
+        take_rest8(is_rounded, &f);
     return f;
 }
 
-// Writes t, or the weight of vertex 0, u and v of all sixteen lanes. `corners`: nine coordinates of their triangles.
-// `zeros`: bits of the weights that are zero. Returns where they are certain.
-int16 finish_sixteen(const RayPacket* p, const float16* corners, const uint16 zeros, const bool wants_t,
-                     float16* third, float16* u, float16* v) {
+// The bound of finish_eight() in the precision of closer_numbers8(), and more than what underflows in it, which is less
+// than 2^-180 (DECIDE_LEAST).
+double8 closer_bound8(float8 bound) {
+    return convert_double8(bound) * (double)(CLOSER_ERROR / EXTENDED_ERROR) + 0x1p-160;
+}
+
+// As rounds_surely_closer(): the quotient of a number and det, whose inverse in doubles that is.
+int8 round_surely_closer8(const DoubleDouble8* number, double8 bound, double8 half_unit, const CloserNumbers8* n,
+                          double8 det_bound, double8 inverse, float8* rounded) {
+    const DoubleDouble8* det = &n->det;
+    const double8 rough = number->high * inverse;
+    const double8 error = 1.01 * (fabs(rough) * (det_bound * fabs(inverse) + 0x1p-50) + bound * fabs(inverse));
+    const float8 low = convert_float8(rough - error), high = convert_float8(rough + error);
+    *rounded = high;
+    int8 is_sure = low == high;
+    const int8 are_two = low < high && as_int8(high) - as_int8(low) <= 1 && as_int8(low) - as_int8(high) <= 1;
+    if (is_any8(are_two)) {
+        const double8 first = convert_double8(low), last = convert_double8(high), middle = 0.5 * (first + last);
+        const double8 product = middle * det->high;
+        DoubleDouble8 rest = dd8_sum(number->high, -product);
+        rest.high += rest.low + ((number->low - fma(middle, det->high, -product)) - middle * det->low);
+        const double8 rest_bound =
+            bound + fabs(middle) * det_bound + 0x1p-102 * (fabs(number->high) + fabs(product));
+        const int8 is_tie = convert_int8(
+            fabs(rest.high) + rest_bound < smaller_of_doubles(half_unit, 0.5 * (last - first) * n->half_unit));
+        const int8 is_above = convert_int8((rest.high > rest_bound && det->high > 0.0) ||
+                                           (rest.high < -rest_bound && det->high < 0.0));
+        const int8 is_below = convert_int8((rest.high > rest_bound && det->high < 0.0) ||
+                                           (rest.high < -rest_bound && det->high > 0.0));
+        const int8 is_low = is_below || (is_tie && (as_int8(low) & 1) == 0);
+        *rounded = are_two && is_low ? low : high;
+        is_sure = is_sure || (are_two && (is_tie || is_above || is_below));
+    }
+    return is_sure && fabs(*rounded) > LEAST_MAGNITUDE;
+}
+
+// As finish_eight(), of rays that start on no triangle, by closer.cl.
+RARE Finished8 finish_eight_closer(const float8* o, const float8* d, const float8* c, const bool wants_t,
+                                   const FinishBounds8* bounds) {
+    CloserNumbers8 n;
+    closer_numbers8(o, d, c, &n);
+    const double8 bound_det = closer_bound8(bounds->det), bound1 = closer_bound8(bounds->u);
+    const double8 bound2 = closer_bound8(bounds->v), bound0 = bound_det + bound1 + bound2;
+    const double8 inverse = 1.0 / n.det.high;
+    Finished8 f;
+    f.zeros = zeros_of_weights8(&n, bound0, bound1, bound2);
+    const int8 is_zero0 = (f.zeros & 1) != 0, is_zero1 = (f.zeros & 2) != 0, is_zero2 = (f.zeros & 4) != 0;
+#define ROUND_SURELY(number, bound, half_unit, rounded) \
+    round_surely_closer8(&n.number, bound, n.half_unit, &n, bound_det, inverse, &f.rounded)
+    f.is_sure =
+        n.is_right && bounds->det <= FLT_MAX && convert_int8(bound_det * fabs(inverse) < (double)MOST_DET_ERROR);
+    f.is_sure = f.is_sure && (ROUND_SURELY(weight1, bound1, half_unit, u) || is_zero1);
+    f.is_sure = f.is_sure && (ROUND_SURELY(weight2, bound2, half_unit, v) || is_zero2);
+    f.u = is_zero1 ? (float8)(0.0f) : f.u;
+    f.v = is_zero2 ? (float8)(0.0f) : f.v;
+    if (wants_t) {
+        f.is_sure = f.is_sure && ROUND_SURELY(distance, closer_bound8(bounds->third), half_unit_t, third);
+    } else {
+        const int8 is_rounded = ROUND_SURELY(weight0, bound0, half_unit, third);
+        f.third = is_zero0 ? (float8)(0.0f) : f.third;
+        take_rest8(is_rounded || is_zero0, &f);
+    }
+#undef ROUND_SURELY
+    return f;
+}
+
+// Writes t, or the weight of vertex 0, u and v of all sixteen lanes, and the bits of the weights that are surely zero.
+// `corners`: nine coordinates of their triangles, all 0 where there is none. Returns where they are certain.
+int16 finish_sixteen(const RayPacket* p, const float16* corners, const bool wants_t, float16* third, float16* u,
+                     float16* v, int16* zeros) {
     const FinishBounds bounds = finish_bounds(p, corners, wants_t);
+    const int16 may_be_closer = p->has_low ? (int16)(0) : p->skip == NO_PRIMITIVE && bounds.det > 0.0f;
     Finished8 found[2];
 #define HALF(vector) (part == 0u ? (vector).lo : (vector).hi)
 #pragma unroll
@@ -121,19 +190,41 @@ int16 finish_sixteen(const RayPacket* p, const float16* corners, const uint16 ze
 #pragma unroll
         for (uint i = 0; i < 9u; i++) c[i] = HALF(corners[i]);
         const FinishBounds8 of_part = {HALF(bounds.det), HALF(bounds.third), HALF(bounds.u), HALF(bounds.v)};
-        found[part] = finish_eight(o, p->has_low ? low : 0, d, c, HALF(zeros), wants_t, of_part);
+        Finished8 f = finish_eight(o, p->has_low ? low : 0, d, c, wants_t, of_part);
+        const int8 open = HALF(may_be_closer) && !f.is_sure;
+        if (is_any8(open)) {
+            // Copies: what a call has the address of is not in registers before it either.
+            float8 origin[3], direction[3], of_triangles[9];
+            const FinishBounds8 limits = of_part;
+#pragma unroll
+            for (uint i = 0; i < 3u; i++) {
+                origin[i] = o[i];
+                direction[i] = d[i];
+            }
+#pragma unroll
+            for (uint i = 0; i < 9u; i++) of_triangles[i] = c[i];
+            const Finished8 closer = finish_eight_closer(origin, direction, of_triangles, wants_t, &limits);
+            f.third = open ? closer.third : f.third;
+            f.u = open ? closer.u : f.u;
+            f.v = open ? closer.v : f.v;
+            f.zeros = open ? closer.zeros : f.zeros;
+            f.is_sure = f.is_sure || (open && closer.is_sure);
+        }
+        found[part] = f;
     }
 #undef HALF
     *third = (float16)(found[0].third, found[1].third);
     *u = (float16)(found[0].u, found[1].u);
     *v = (float16)(found[0].v, found[1].v);
+    *zeros = (int16)(found[0].zeros, found[1].zeros);
     return (int16)(found[0].is_sure, found[1].is_sure);
 }
 #else
 // Pairs of floats are better off without vectors, and no weight is known to be zero (exact_closer.cl).
-int16 finish_sixteen(const RayPacket* p, const float16* corners, const uint16 zeros, const bool wants_t,
-                     float16* third, float16* u, float16* v) {
+int16 finish_sixteen(const RayPacket* p, const float16* corners, const bool wants_t, float16* third, float16* u,
+                     float16* v, int16* zeros) {
     int16 sure = (int16)(0);
+    *zeros = (int16)(0);
     for (uint lane = 0; lane < 16u; lane++) {
         ExtendedNumbers n;
         extended_numbers(three_of_lane(p->origin, lane), three_of_lane(p->origin_low, lane),
@@ -160,10 +251,10 @@ int16 finish_sixteen(const RayPacket* p, const float16* corners, const uint16 ze
 }
 #endif
 
-// Writes t, u and v of the lanes `is_hit`, by their triangles' references. Returns those of them that are left to
-// finish_exactly() of their rays.
-int16 finish_hits(GEOMETRY_PARAMETERS, const RayPacket* p, const int16 is_hit, const uint16 hit, const uint16 zeros,
-                  float16* t, float16* u, float16* v) {
+// Writes t, u and v of the lanes `is_hit`, by their triangles' references, and the bits of the weights that are surely
+// zero. Returns those of them that are left to finish_exactly() of their rays.
+int16 finish_hits(GEOMETRY_PARAMETERS, const RayPacket* p, const int16 is_hit, const uint16 hit, float16* t,
+                  float16* u, float16* v, int16* zeros) {
     float16 corners[9];
 #pragma unroll
     for (uint i = 0; i < 9u; i++) corners[i] = (float16)(0.0f);
@@ -177,7 +268,7 @@ int16 finish_hits(GEOMETRY_PARAMETERS, const RayPacket* p, const int16 is_hit, c
             corners[i] = here ? (float16)(LOAD_PACKET_LANE(geometry, record + 2u * i, reference % 8u)) : corners[i];
         open &= ~lanes_where16(here);
     }
-    return is_hit && !finish_sixteen(p, corners, zeros, true, t, u, v);
+    return is_hit && !finish_sixteen(p, corners, true, t, u, v, zeros);
 }
 
 // Returns the lanes that are left to finish_lane_exactly(). With any_hit there are none, t is only no less than that of
@@ -195,7 +286,8 @@ int16 finish_packet_exactly(GEOMETRY_PARAMETERS, const RayPacket* p, const Packe
         return (int16)(0);
     }
     float16 t = out->t, u = out->u, v = out->v;
-    const int16 unsure = finish_hits(GEOMETRY, p, is_hit, hits->reference, hits->zeros, &t, &u, &v);
+    int16 zeros;
+    const int16 unsure = finish_hits(GEOMETRY, p, is_hit, hits->reference, &t, &u, &v, &zeros);
     out->t = is_hit ? t : out->t;
     out->u = is_hit ? u : out->u;
     out->v = is_hit ? v : out->v;
@@ -231,7 +323,8 @@ void hit_of_answer_exactly(const PacketAnswer_exactly* answer, uint lane, Hit* h
 int16 weights_of_answer_exactly(const PacketAnswer_exactly* answer, const RayPacket* p, const float16* corners,
                                 float16* weight0, float16* u, float16* v) {
     *weight0 = *u = *v = (float16)(0.0f); // some lanes may get none
-    return finish_sixteen(p, corners, (uint16)(0u), false, weight0, u, v);
+    int16 zeros;
+    return finish_sixteen(p, corners, false, weight0, u, v, &zeros);
 }
 
 float leaving_t_exactly(float error, float3 direction) { return 0.0f; }

@@ -7,6 +7,7 @@ typedef struct {
     // Its hit so far: limits of its t, its reference, but for one that the packet has found, and its triangle.
     float t_limit, hit_low;
     uint found, primitive;
+    uint zeros; // bits of the weights of that hit that are surely zero
     uint postponed; // what it has put aside, as its packet keeps it
     uint* postponed_references;
     bool is_decided; // false if that is too much
@@ -19,6 +20,7 @@ SingleRay_exactly take_single_ray_exactly(const RayPacket* p, uint lane, PacketH
                                    lane_of16(&hits->t_low, lane),
                                    NO_PRIMITIVE,
                                    ((const uint*)&hits->primitive)[lane],
+                                   (uint)((const int*)&hits->zeros)[lane],
                                    ((const uint*)&hits->postponed)[lane],
                                    hits->postponed_references[lane],
                                    true};
@@ -40,6 +42,7 @@ void put_back_exactly(const SingleRay_exactly* ray, uint lane, const bool any_hi
     hits->t_low = here ? (float16)(ray->hit_low) : hits->t_low;
     hits->reference = here ? (uint16)(ray->found) : hits->reference;
     hits->primitive = here ? (uint16)(ray->primitive) : hits->primitive;
+    hits->zeros = here ? (int16)((int)ray->zeros) : hits->zeros;
 }
 
 // The lanes of triangles that a ray may hit within these limits.
@@ -48,23 +51,24 @@ ulong open_lanes8(const Decision8* d, float t_near, float t_limit) {
 }
 
 #ifdef EXTENDED_IS_DOUBLE
-// decide_closely8() for one ray and a packet of triangles. Values instead of a pointer to the ray: its address would
-// keep it out of registers.
-RARE Decision8 decide_single_ray_closely(GEOMETRY_PARAMETERS, float3 origin, float3 direction, uint packet,
-                                         float8 weight_bound, float8 det_bound, float8 t_bound) {
+// decide_closely8() for one ray and a packet of triangles, or decide_closer8() if that is `closer`. Values instead of a
+// pointer to the ray: its address would keep it out of registers.
+RARE Decision8 decide_with_doubles_alone(GEOMETRY_PARAMETERS, float3 origin, float3 direction, uint packet,
+                                         float8 weight_bound, float8 det_bound, float8 t_bound, const bool closer) {
     float8 corners[9];
     load_corners(GEOMETRY, packet, corners, corners + 3, corners + 6);
     const float8 start[3] = {(float8)(origin.x), (float8)(origin.y), (float8)(origin.z)};
     const float8 along[3] = {(float8)(direction.x), (float8)(direction.y), (float8)(direction.z)};
-    return decide_closely8(start, along, corners, weight_bound, det_bound, t_bound);
+    return closer ? decide_closer8(start, along, corners, weight_bound, det_bound, t_bound)
+                  : decide_closely8(start, along, corners, weight_bound, det_bound, t_bound);
 }
 #endif
 
-// What float32 tells of a ray and a packet of `count` triangles, those of the references from `first` on, and what
-// twice the precision does where that is not sure. Returns the lanes of triangles that the ray may hit within those
-// limits.
+// What float32 tells of a ray and a packet of `count` triangles, those of the references from `first` on; where that is
+// not sure, what twice the precision does, and then four times, if the ray `starts_free`, on no triangle. Returns the
+// lanes of triangles that the ray may hit within those limits.
 INLINE ulong decide_packet_of_triangles(GEOMETRY_PARAMETERS, const LaneRay* ray, float t_limit, uint first, uint count,
-                                        Decision8* d) {
+                                        const bool starts_free, Decision8* d) {
     const float3 origin = ray->origin, low = ray->origin_low, direction = ray->direction;
     LeafTriangles_exactly l;
     float8 b[3], c[3];
@@ -82,20 +86,47 @@ INLINE ulong decide_packet_of_triangles(GEOMETRY_PARAMETERS, const LaneRay* ray,
     open &= open_lanes8(d, ray->t_near, t_limit);
 #ifdef EXTENDED_IS_DOUBLE
     if ((open & ~lanes_where8(d->sure)) != 0ul && all(low == (float3)(0.0f))) {
-        *d = decide_single_ray_closely(GEOMETRY, origin, direction, first / 8u, l.rest.weight_bound,
-                                       l.rest.det_bound, l.rest.t_bound);
+        const uint packet = first / 8u;
+        const float8 weight_bound = l.rest.weight_bound, det_bound = l.rest.det_bound, t_bound = l.rest.t_bound;
+        *d = decide_with_doubles_alone(GEOMETRY, origin, direction, packet, weight_bound, det_bound, t_bound, false);
         open &= open_lanes8(d, ray->t_near, t_limit);
+        if ((open & ~lanes_where8(d->sure)) != 0ul && starts_free) {
+            *d = decide_with_doubles_alone(GEOMETRY, origin, direction, packet, weight_bound, det_bound, t_bound, true);
+            open &= open_lanes8(d, ray->t_near, t_limit);
+        }
     }
 #endif
     return open;
 }
 
-// Tests a packet of triangles. What neither decides is put aside. True when nothing more is to be done: too much is put
+// Whether a ray meets a triangle, whose plane it crosses, where it meets its hit: at the same vertex or edge. The lower
+// number of the two is the hit then.
+RARE bool take_same_point(GEOMETRY_PARAMETERS, SingleRay_exactly* ray, uint reference, uint primitive) {
+#ifdef EXTENDED_IS_DOUBLE
+    const Corners corners = corners_of_reference(GEOMETRY, reference);
+    const Corners best = {LOAD_SURFACE_VERTEX(geometry, ray->primitive, 0),
+                          LOAD_SURFACE_VERTEX(geometry, ray->primitive, 1),
+                          LOAD_SURFACE_VERTEX(geometry, ray->primitive, 2)};
+    const uint zeros = zeros_of_same_point(ray->zeros, &best, &corners);
+    if (zeros == 0u) return false;
+    if (primitive < ray->primitive) {
+        ray->found = reference;
+        ray->primitive = primitive;
+        ray->zeros = zeros;
+    }
+    return true;
+#else
+    return false;
+#endif
+}
+
+// Tests a packet of triangles. What is not decided is put aside. True when nothing more is to be done: too much is put
 // aside, or with any_hit there is a hit.
 INLINE bool test_single_ray_exactly(GEOMETRY_PARAMETERS, SingleRay_exactly* ray, uint first, uint count,
                                     const bool any_hit) {
     Decision8 d;
-    ulong open = decide_packet_of_triangles(GEOMETRY, &ray->line, ray->t_limit, first, count, &d);
+    ulong open = decide_packet_of_triangles(GEOMETRY, &ray->line, ray->t_limit, first, count,
+                                            ray->skip == NO_PRIMITIVE, &d);
     if (open == 0ul) return false;
     const ulong sure = lanes_where8(d.sure && d.t_low > ray->line.t_near);
     for (; open != 0ul; open = other_lanes8(open)) {
@@ -105,12 +136,16 @@ INLINE bool test_single_ray_exactly(GEOMETRY_PARAMETERS, SingleRay_exactly* ray,
         if (primitive == ray->skip || primitive == ray->primitive) continue;
         if (is_lane8(sure, i) && t_low > ray->t_limit) continue; // behind a hit in this packet
         if (!is_lane8(sure, i) || !(t_high < ray->hit_low)) {
+            if (ray->zeros != 0u && is_lane8(lanes_where8(d.has_t), i) &&
+                take_same_point(GEOMETRY, ray, first + i, primitive))
+                continue;
             ray->is_decided = postpone_for_lane(&ray->postponed, ray->postponed_references, first + i);
             if (!ray->is_decided) return true;
             continue;
         }
         ray->found = first + i;
         ray->primitive = primitive;
+        ray->zeros = (uint)((const int*)&d.zeros)[i];
         ray->hit_low = t_low;
         ray->t_limit = t_high;
     }

@@ -79,6 +79,7 @@ pub const KERNEL_FILES: &[(&str, &str)] = kernel_files![
     "cl/packets/corners.cl",
     "cl/packets/triangles.cl",
     "cl/packets/closely.cl",
+    "cl/packets/closer.cl",
     "cl/packets/exactly.cl",
     "cl/packets/finish.cl",
     "cl/packets/single_rays.cl",

@@ -32,6 +32,11 @@ const WIDEST: [&str; 4] = [RELAXED[2], RELAXED[3], RELAXED[4], RELAXED[6]];
 /// What makes the kernels take the instructions that they take on GPUs, whatever the device is.
 const GPU: [&str; 2] = ["-D GPU", "-D GPU -cl-fast-relaxed-math"];
 
+/// A triangle by itself, and the direction of a ray exactly through its first corner, of which only exact integers tell
+/// so: pairs of doubles do not hold its coordinates.
+const APART: [Vec3; 3] = [Vec3::new(2.5, 0.25, 0.0), Vec3::new(2.8, 0.3, 0.4), Vec3::new(2.1, 0.9, -0.3)];
+const AT_APART: Vec3 = Vec3::new(-0.5, -0.25, 3e-20);
+
 /// A tracer on `device`, or `None`, with the reason printed, where the kernels refuse the device's compiler options.
 fn open(
     device: &DeviceHandle,
@@ -71,6 +76,7 @@ fn rays(buffers: &SceneBuffers, triangles: &[[Vec3; 3]], random: &mut Random) ->
                 4 if i % 16 == 4 => random.vec3().with_y(nonsense[i / 16 % 4]),
                 _ => random.vec3() - from,
             };
+            let (from, direction) = if i % 16 == 15 { (APART[0] - AT_APART, AT_APART) } else { (from, direction) };
             buffers.trace_ray(from, direction, 0.0, f32::INFINITY)
         })
         .collect()
@@ -84,7 +90,7 @@ fn bits(hits: &[Hit]) -> &[u32] {
 fn hits_keep_their_bits() {
     let Some(device) = device() else { return };
     let mut random = Random::new(SEED);
-    let triangles = [sheet(12), soup(60, 0.3, &mut random)].concat();
+    let triangles = [sheet(12), soup(60, 0.3, &mut random), vec![APART]].concat();
     let scene = scene_of(&triangles);
     for options in [
         TraceOptions::DEFAULT,
