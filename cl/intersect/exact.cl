@@ -10,7 +10,8 @@ INLINE int decide_closely(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, float3
     const Corners best = {has_best ? LOAD_SURFACE_VERTEX(geometry, hit->primitive, 0) : p0,
                           has_best ? LOAD_SURFACE_VERTEX(geometry, hit->primitive, 1) : p1,
                           has_best ? LOAD_SURFACE_VERTEX(geometry, hit->primitive, 2) : p2};
-    const CloserLimits limits = {ray->t_near, ray->t_far, hit->u, hit->t, best, has_best, primitive < hit->primitive};
+    const CloserLimits limits = {
+        ray->t_near, ray->t_far, hit->u, hit->t, best, has_best, primitive < hit->primitive, starts_on_triangle(ray)};
     const ExtendedDecision closer =
         decide_closer(start_of_ray(GEOMETRY, ray), ray->direction, &corners, &limits, zeros);
     *t_low = closer.t_low;
@@ -99,7 +100,7 @@ INLINE void finish_closely(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, float
     const Corners corners = {p0, p1, p2};
     const FinishedHit closer = finish_closer(start_of_ray(GEOMETRY, ray), ray->direction, &corners);
     const float callers = callers_t(ray, closer.t);
-    if (closer.is_sure && !(wants_t && !(is_normal(closer.t) && is_normal(callers)))) {
+    if (closer.is_sure && (!wants_t || closer.at_start || (is_normal(closer.t) && is_normal(callers)))) {
         if (wants_t) *t = callers;
         hit->u = closer.u;
         hit->v = closer.v;

@@ -182,7 +182,32 @@ typedef struct {
     float t_near, t_far, t_best_low, t_best_high;
     Corners best;
     bool has_best, is_lower;
+    bool starts_on_triangle; // such a ray leaves what it meets at t = 0
 } CloserLimits;
+
+// What becomes of a triangle that is met at t = 0, which is a limit of the ray only if it is one of the caller's
+// (own_limit in ray.cl).
+RARE void decide_at_start(const TrianglePoint* start, float3 direction, const CloserLimits* limits,
+                          ExtendedDecision* result) {
+    if (limits->t_near > 0.0f || limits->t_far < 0.0f || limits->t_best_high < 0.0f ||
+        (limits->starts_on_triangle && limits->t_near == 0.0f)) {
+        result->decision = MISS;
+        return;
+    }
+    if (limits->has_best && limits->t_best_low <= 0.0f) {
+        CloserNumbers best;
+        closer_numbers(start, direction, &limits->best, &best);
+        const double half_unit = half_closer_units(start, direction, &limits->best).of_t;
+        if (!is_surely_zero(best.distance, best.distance_bound, half_unit)) return;
+        if (!limits->is_lower) {
+            result->decision = MISS;
+            return;
+        }
+    }
+    result->decision = HIT;
+    result->t_low = next_down(0.0f);
+    result->t_high = next_up(0.0f);
+}
 
 // As decide_extended and place_hit, of a ray that starts at `start`. *zeros of a triangle that is hit: the bits of its
 // weights that are surely zero.
@@ -208,13 +233,18 @@ RARE ExtendedDecision decide_closer(TrianglePoint start, float3 direction, const
         return result;
     }
     float t;
-    if (!rounds_surely_closer(n.distance, n.distance_bound, 0.0, n.det, n.det_bound, 0.0, &t)) {
+    if (!rounds_surely_closer(n.distance, n.distance_bound, 0.0, n.det, n.det_bound, 0.0, &t) ||
+        !(fabs(t) > LEAST_MAGNITUDE)) {
         const HalfUnits units = half_closer_units(&start, direction, corners);
+        if (is_surely_zero(n.distance, n.distance_bound, units.of_t)) {
+            decide_at_start(&start, direction, limits, &result);
+            return result;
+        }
         if (!rounds_surely_closer(n.distance, n.distance_bound, units.of_t, n.det, n.det_bound, units.of_weights,
-                                  &t))
+                                  &t) ||
+            !(fabs(t) > LEAST_MAGNITUDE)) // on which side of a limit it is, is open
             return result;
     }
-    if (!(fabs(t) > LEAST_MAGNITUDE)) return result; // whether it is 0, and on which side of a limit, is open
     if (t < limits->t_near || t > limits->t_far || t > limits->t_best_high) {
         result.decision = MISS;
         return result;
@@ -257,8 +287,10 @@ RARE FinishedHit finish_closer(TrianglePoint start, float3 direction, const Corn
     closer_numbers(&start, direction, corners, &n);
     const HalfUnits units = half_closer_units(&start, direction, corners);
     FinishedHit hit;
-    hit.is_sure = rounds_surely_closer(n.distance, n.distance_bound, units.of_t, n.det, n.det_bound, units.of_weights,
-                                       &hit.t) &&
+    hit.at_start = is_surely_zero(n.distance, n.distance_bound, units.of_t);
+    hit.t = 0.0f;
+    hit.is_sure = (hit.at_start || rounds_surely_closer(n.distance, n.distance_bound, units.of_t, n.det, n.det_bound,
+                                                        units.of_weights, &hit.t)) &&
                   finish_weight_closer(n.weight1, n.bound1, &n, units.of_weights, &hit.u) &&
                   finish_weight_closer(n.weight2, n.bound2, &n, units.of_weights, &hit.v) &&
                   finish_weight_closer(n.weight0, n.bound0, &n, units.of_weights, &hit.weight0);

@@ -186,6 +186,7 @@ bool rounds_surely(Extended numerator, float bound, const ExtendedInverse* det, 
 typedef struct {
     bool is_sure;
     float t, weight0, u, v;
+    bool at_start; // t is 0 exactly, which only more precision tells (exact_closer.cl)
 } FinishedHit;
 
 FinishedHit finish_extended(float3 origin, float3 origin_low, float3 direction, float3 p0, float3 p1, float3 p2,
@@ -193,7 +194,7 @@ FinishedHit finish_extended(float3 origin, float3 origin_low, float3 direction, 
     ExtendedNumbers n;
     extended_numbers(origin, origin_low, direction, p0, p1, p2, &n);
     const ExtendedInverse det = invert_det(&n);
-    FinishedHit hit = {false, 0.0f, 0.0f, 0.0f, 0.0f};
+    FinishedHit hit = {false, 0.0f, 0.0f, 0.0f, 0.0f, false};
     hit.is_sure = det.is_sure && rounds_surely(n.weight1, n.bound1, &det, &hit.u) &&
                   rounds_surely(n.weight2, n.bound2, &det, &hit.v);
     if (wants_t) hit.is_sure = hit.is_sure && rounds_surely(n.distance, n.distance_bound, &det, &hit.t);

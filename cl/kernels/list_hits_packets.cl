@@ -94,12 +94,13 @@ void list_packet(GEOMETRY_PARAMETERS, const BatchTile* batch, uint square, const
             const uint lane = first_lane16(open);
             ((uint*)&primitives)[lane] = LOAD_REFERENCE(geometry, ((const uint*)&found->listed[i])[lane]);
         }
-        float16 t = (float16)(0.0f), u = t, v = t, fours[4];
-        const int16 unsure = finish_hits(GEOMETRY, p, is_hit, found->listed[i], &t, &u, &v, &listed.zeros[i]);
-        t *= t_factor;
+        float16 own_t = (float16)(0.0f), u = own_t, v = own_t, fours[4];
+        const int16 unsure = finish_hits(GEOMETRY, p, is_hit, found->listed[i], &own_t, &u, &v, &listed.zeros[i]);
+        const float16 t = own_t * t_factor;
         hits_of_lanes(t, u, v, primitives, fours);
         // A t that may have lost bits is left to single rays, too.
-        const ulong left = lanes_where16(is_hit && (unsure || !(fabs(t) >= FLT_MIN && fabs(t) <= FLT_MAX)));
+        const int16 is_exact = own_t == 0.0f || (fabs(t) >= FLT_MIN && fabs(t) <= FLT_MAX);
+        const ulong left = lanes_where16(is_hit && (unsure || !is_exact));
         for (ulong open = lanes_where16(is_hit); open != 0ul; open = other_lanes8(open)) {
             const uint lane = first_lane16(open);
             __global Hit* place = lists->hits + begin + starts[lane] + i;

@@ -45,7 +45,8 @@ void trace_together(GEOMETRY_PARAMETERS, const BatchTile* batch, __global Hit* h
         // A t that may have lost bits is left to single rays.
         const float16 t = hit.t * t_factor[k];
         const int16 is_miss = hit.primitive == NO_PRIMITIVE;
-        const int16 is_exact = any_hit ? (int16)(-1) : is_miss || (fabs(t) >= FLT_MIN && fabs(t) <= FLT_MAX);
+        const int16 is_exact =
+            any_hit ? (int16)(-1) : is_miss || hit.t == 0.0f || (fabs(t) >= FLT_MIN && fabs(t) <= FLT_MAX);
         store_hits(batch, hits, square, any_hit && !is_miss ? (float16)(0.0f) : t, hit.u, hit.v, hit.primitive);
         const int16 is_settled = answered[k] && !found[k].undecided_lanes;
         answered[k] = is_settled && !unfinished && is_exact;

@@ -21,6 +21,92 @@ double8 dot_doubles(const Doubles3* a, const Doubles3* b) { return a->x * b->x +
 double8 smaller_of_doubles(double8 a, double8 b) { return a < b ? a : b; }
 double8 larger_of_doubles(double8 a, double8 b) { return a > b ? a : b; }
 
+// The numbers of decide.cl, and by how much each of a kind may be off.
+typedef struct {
+    double8 distance, det, weight0, weight1, weight2; // T, D, W, U, V
+} Numbers8;
+typedef struct {
+    double8 distance, det, weights;
+} NumberBounds8;
+
+// The HalfUnits of exact_closer.cl, of rays that start on no triangle.
+typedef struct {
+    double8 of_weights, of_t;
+} HalfUnits8;
+
+// The largest power of two that a float is a multiple of: more than others if it is 0, 0 if that is too small to tell.
+float8 unit8(float8 x) {
+    const uint8 bits = as_uint8(x), exponent = bits & 0x7f800000u, digits = (bits & 0x7fffffu) | 0x800000u;
+    const float8 last_digit = convert_float8(digits & (0u - digits)) * 0x1p-23f;
+    const float8 unit = last_digit * as_float8(exponent);
+    return x == 0.0f ? (float8)(0x1p100f) : unit < LEAST_MAGNITUDE ? (float8)(0.0f) : unit;
+}
+// Of positions whose coordinates on each axis are multiples of `units`.
+HalfUnits8 half_units_of8(const float8* units, const float8* direction) {
+    const double8 x = convert_double8(units[0]), y = convert_double8(units[1]), z = convert_double8(units[2]);
+    const double8 without_x = convert_double8(unit8(direction[0])) * y * z;
+    const double8 without_y = convert_double8(unit8(direction[1])) * x * z;
+    const double8 without_z = convert_double8(unit8(direction[2])) * x * y;
+    const HalfUnits8 result = {0.5 * smaller_of_doubles(without_x, smaller_of_doubles(without_y, without_z)),
+                               0.5 * x * y * z};
+    return result;
+}
+HalfUnits8 half_units8(const float8* origin, const float8* direction, const float8* corners) {
+    float8 units[3];
+#pragma unroll
+    for (uint axis = 0; axis < 3u; axis++)
+        units[axis] = smaller8(smaller8(unit8(corners[axis]), unit8(corners[3u + axis])),
+                               smaller8(unit8(corners[6u + axis]), unit8(origin[axis])));
+    return half_units_of8(units, direction);
+}
+
+// As is_surely_zero().
+int8 is_surely_zero8(double8 number, double8 bound, double8 half_unit) {
+    return convert_int8(fabs(number) + bound < half_unit);
+}
+// The bits of the weights that are surely zero.
+int8 zeros_of_weights8(const Numbers8* n, double8 bound0, double8 bound1, double8 bound2, double8 half_unit) {
+    return (is_surely_zero8(n->weight0, bound0, half_unit) ? (int8)(1) : (int8)(0)) |
+           (is_surely_zero8(n->weight1, bound1, half_unit) ? (int8)(2) : (int8)(0)) |
+           (is_surely_zero8(n->weight2, bound2, half_unit) ? (int8)(4) : (int8)(0));
+}
+
+// What is met just where a ray starts is as if it were met here: no other t, and no limit, is between 0 and this, and
+// no ray of a packet ends at 0.
+#define AT_START FLT_MIN
+
+// As decide8(), but that zero weights are hits, too, where half units tell of them; without these, 0, nothing is zero.
+INLINE void decide_by_numbers8(const Numbers8* n, const NumberBounds8* off, const HalfUnits8* units,
+                               Decision8* result) {
+    const double8 weight0 = n->weight0, weight1 = n->weight1, weight2 = n->weight2;
+    double8 least = smaller_of_doubles(weight0, smaller_of_doubles(weight1, weight2));
+    double8 greatest = larger_of_doubles(weight0, larger_of_doubles(weight1, weight2));
+    int8 at_start = (int8)(0), in_plane = (int8)(0);
+    result->zeros = (int8)(0);
+    if (units != 0) {
+        result->zeros = zeros_of_weights8(n, off->weights, off->weights, off->weights, units->of_weights);
+        const long8 zero0 = convert_long8((result->zeros & 1) != 0), zero1 = convert_long8((result->zeros & 2) != 0);
+        const long8 zero2 = convert_long8((result->zeros & 4) != 0);
+        least = smaller_of_doubles(zero0 ? (double8)(INFINITY) : weight0,
+                                   smaller_of_doubles(zero1 ? (double8)(INFINITY) : weight1,
+                                                      zero2 ? (double8)(INFINITY) : weight2));
+        greatest = larger_of_doubles(zero0 ? (double8)(-INFINITY) : weight0,
+                                     larger_of_doubles(zero1 ? (double8)(-INFINITY) : weight1,
+                                                       zero2 ? (double8)(-INFINITY) : weight2));
+        at_start = is_surely_zero8(n->distance, off->distance, units->of_t);
+        in_plane = is_surely_zero8(n->det, off->det, units->of_weights);
+    }
+    // As decide.cl has it; t and its limits are floats, which round by 3 EPSILON.
+    const double8 inv_det = 1.0 / n->det, exact_t = n->distance * inv_det;
+    const double8 error = 1.4 * fabs(inv_det) * (fabs(exact_t) * off->det + off->distance);
+    const float8 t = convert_float8(exact_t), t_error = fma((float8)(4.0f * EPSILON), fabs(t), convert_float8(error));
+    result->possible = convert_int8(least >= -off->weights || greatest <= off->weights) && !in_plane;
+    result->has_t = convert_int8(fabs(n->det) > 4.0 * off->det) && (at_start || fabs(t) > LEAST_MAGNITUDE);
+    result->sure = result->has_t && convert_int8(least > off->weights || greatest < -off->weights);
+    result->t_low = at_start ? (float8)(AT_START) : t - t_error;
+    result->t_high = at_start ? (float8)(AT_START) : t + t_error;
+}
+
 // The bounds here are those of decide.cl times these: its numbers are off by EXTENDED_ERROR in this precision
 // (exact_filter.cl), but not where a ray's origin has a second part. A hundredth is for the bounds' own roundings.
 // Nothing underflows here, and DECIDE_LEAST is more than what does in the bounds.
@@ -29,8 +115,9 @@ double8 larger_of_doubles(double8 a, double8 b) { return a > b ? a : b; }
 #define CLOSELY_T (1.01 * EXTENDED_ERROR / DECIDE_ERROR_T)
 
 // As decide8(), of rays whose origins have no second part, and triangles of nine coordinates, corner by corner.
+// `units`: the HalfUnits8 of rays that start on no triangle, or 0.
 Decision8 decide_closely8(const float8* origin, const float8* direction, const float8* corners, float8 weight_bound,
-                          float8 det_bound, float8 t_bound) {
+                          float8 det_bound, float8 t_bound, const HalfUnits8* units) {
     const float8* c = corners;
     const Doubles3 edge1 = difference_of_doubles(c[3], c[4], c[5], c[0], c[1], c[2]);
     const Doubles3 edge2 = difference_of_doubles(c[6], c[7], c[8], c[0], c[1], c[2]);
@@ -38,23 +125,16 @@ Decision8 decide_closely8(const float8* origin, const float8* direction, const f
     const Doubles3 along = {convert_double8(direction[0]), convert_double8(direction[1]),
                             convert_double8(direction[2])};
     const Doubles3 normal = cross_doubles(&edge1, &edge2), moment = cross_doubles(&from, &along);
-    const double8 det = dot_doubles(&normal, &along);
-    const double8 weight1 = dot_doubles(&edge2, &moment), weight2 = -dot_doubles(&edge1, &moment);
-    const double8 weight0 = (det - weight1) - weight2;
-    const double8 least = smaller_of_doubles(weight0, smaller_of_doubles(weight1, weight2));
-    const double8 greatest = larger_of_doubles(weight0, larger_of_doubles(weight1, weight2));
-    const double8 weight_error = CLOSELY_WEIGHT * convert_double8(weight_bound);
-    const double8 det_error = CLOSELY_DET * convert_double8(det_bound);
-
-    // As decide.cl has it; t and its limits are floats, which round by 3 EPSILON.
-    const double8 inv_det = 1.0 / det, exact_t = dot_doubles(&normal, &from) * inv_det;
-    const double8 error =
-        1.4 * fabs(inv_det) * (fabs(exact_t) * det_error + CLOSELY_T * convert_double8(t_bound));
-    const float8 t = convert_float8(exact_t), t_error = fma((float8)(4.0f * EPSILON), fabs(t), convert_float8(error));
-    const int8 has_t = convert_int8(fabs(det) > 4.0 * det_error) && fabs(t) > LEAST_MAGNITUDE;
-    const Decision8 result = {convert_int8(least >= -weight_error || greatest <= weight_error), has_t,
-                              has_t && convert_int8(least > weight_error || greatest < -weight_error), t - t_error,
-                              t + t_error, (int8)(0)};
+    Numbers8 n;
+    n.distance = dot_doubles(&normal, &from);
+    n.det = dot_doubles(&normal, &along);
+    n.weight1 = dot_doubles(&edge2, &moment);
+    n.weight2 = -dot_doubles(&edge1, &moment);
+    n.weight0 = (n.det - n.weight1) - n.weight2;
+    const NumberBounds8 off = {CLOSELY_T * convert_double8(t_bound), CLOSELY_DET * convert_double8(det_bound),
+                               CLOSELY_WEIGHT * convert_double8(weight_bound)};
+    Decision8 result;
+    decide_by_numbers8(&n, &off, units, &result);
     return result;
 }
 #endif

@@ -57,25 +57,10 @@ int8 are_differences8(const float8* a, const float8* b, const Doubles3* d) {
     return is_difference8(a[0], b[0], d->x) && is_difference8(a[1], b[1], d->y) && is_difference8(a[2], b[2], d->z);
 }
 
-// The largest power of two that a float is a multiple of: more than others if it is 0, 0 if that is too small to tell.
-float8 unit8(float8 x) {
-    const uint8 bits = as_uint8(x), exponent = bits & 0x7f800000u, digits = (bits & 0x7fffffu) | 0x800000u;
-    const float8 last_digit = convert_float8(digits & (0u - digits)) * 0x1p-23f;
-    const float8 unit = last_digit * as_float8(exponent);
-    return x == 0.0f ? (float8)(0x1p100f) : unit < LEAST_MAGNITUDE ? (float8)(0.0f) : unit;
-}
-// That of the coordinates of a triangle and an origin on one axis.
-double8 unit_of_axis8(const float8* corners, const float8* origin, uint axis) {
-    return convert_double8(smaller8(smaller8(unit8(corners[axis]), unit8(corners[3u + axis])),
-                                    smaller8(unit8(corners[6u + axis]), unit8(origin[axis]))));
-}
-
 // None of the numbers is off by more than 34 u^2 P, for which CLOSER_ERROR leaves room: 26 each, and weight0 by 8 more,
-// for its two sums. `half_unit`, of the weights, and `half_unit_t` are the HalfUnits of exact_closer.cl. `is_right`:
-// the lanes where all differences are doubles.
+// for its two sums. `is_right`: the lanes where all differences are doubles.
 typedef struct {
     DoubleDouble8 distance, det, weight0, weight1, weight2; // T, D, W, U, V
-    double8 half_unit, half_unit_t;
     int8 is_right;
 } CloserNumbers8;
 
@@ -97,27 +82,12 @@ RARE void closer_numbers8(const float8* origin, const float8* direction, const f
     n->weight0 = dd8_subtract(&others, &n->weight2);
     n->is_right =
         are_differences8(c + 3, c, &edge1) && are_differences8(c + 6, c, &edge2) && are_differences8(c, o, &from);
-
-    const double8 x = unit_of_axis8(c, o, 0u), y = unit_of_axis8(c, o, 1u), z = unit_of_axis8(c, o, 2u);
-    const double8 without_x = convert_double8(unit8(direction[0])) * y * z;
-    const double8 without_y = convert_double8(unit8(direction[1])) * x * z;
-    const double8 without_z = convert_double8(unit8(direction[2])) * x * y;
-    n->half_unit = 0.5 * smaller_of_doubles(without_x, smaller_of_doubles(without_y, without_z));
-    n->half_unit_t = 0.5 * x * y * z;
 }
 
-// As is_surely_zero().
-int8 is_surely_zero8(const DoubleDouble8* number, double8 bound, double8 half_unit) {
-    return convert_int8(fabs(number->high) + bound < half_unit);
-}
-// The bits of the weights that are surely zero, of numbers that are right.
-int8 zeros_of_weights8(const CloserNumbers8* n, double8 bound0, double8 bound1, double8 bound2) {
-    const int8 zero0 = is_surely_zero8(&n->weight0, bound0, n->half_unit);
-    const int8 zero1 = is_surely_zero8(&n->weight1, bound1, n->half_unit);
-    const int8 zero2 = is_surely_zero8(&n->weight2, bound2, n->half_unit);
-    return n->is_right ? (zero0 ? (int8)(1) : (int8)(0)) | (zero1 ? (int8)(2) : (int8)(0)) |
-                             (zero2 ? (int8)(4) : (int8)(0))
-                       : (int8)(0);
+// Their first parts.
+Numbers8 numbers_of_pairs8(const CloserNumbers8* n) {
+    const Numbers8 high = {n->distance.high, n->det.high, n->weight0.high, n->weight1.high, n->weight2.high};
+    return high;
 }
 
 // The bounds of decide.cl times these, as in closely.cl.
@@ -125,34 +95,26 @@ int8 zeros_of_weights8(const CloserNumbers8* n, double8 bound0, double8 bound1, 
 #define CLOSER_DET (1.01 * CLOSER_ERROR / DECIDE_ERROR_DET)
 #define CLOSER_T (1.01 * CLOSER_ERROR / DECIDE_ERROR_T)
 
-// As decide8(), where zero weights are hits, too.
+// As decide_closely8(), of rays that start on no triangle.
 RARE Decision8 decide_closer8(const float8* origin, const float8* direction, const float8* corners,
                               float8 weight_bound, float8 det_bound, float8 t_bound) {
-    CloserNumbers8 n;
-    closer_numbers8(origin, direction, corners, &n);
-    const double8 weight_error = CLOSER_WEIGHT * convert_double8(weight_bound);
-    const double8 det_error = CLOSER_DET * convert_double8(det_bound);
-    const int8 zeros = zeros_of_weights8(&n, weight_error, weight_error, weight_error);
-    const int8 up0 = convert_int8(n.weight0.high > weight_error), down0 = convert_int8(n.weight0.high < -weight_error);
-    const int8 up1 = convert_int8(n.weight1.high > weight_error), down1 = convert_int8(n.weight1.high < -weight_error);
-    const int8 up2 = convert_int8(n.weight2.high > weight_error), down2 = convert_int8(n.weight2.high < -weight_error);
-    const int8 zero0 = (zeros & 1) != 0, zero1 = (zeros & 2) != 0, zero2 = (zeros & 4) != 0;
-    const int8 misses = ((up0 || up1 || up2) && (down0 || down1 || down2)) ||
-                        is_surely_zero8(&n.det, det_error, n.half_unit); // in the triangle's plane
-    const int8 hits = ((up0 || zero0) && (up1 || zero1) && (up2 || zero2)) ||
-                      ((down0 || zero0) && (down1 || zero1) && (down2 || zero2));
-
-    // As in closely.cl.
-    const double8 inv_det = 1.0 / n.det.high, exact_t = n.distance.high * inv_det;
-    const double8 error = 1.4 * fabs(inv_det) * (fabs(exact_t) * det_error + CLOSER_T * convert_double8(t_bound));
-    const float8 t = convert_float8(exact_t), t_error = fma((float8)(4.0f * EPSILON), fabs(t), convert_float8(error));
+    const HalfUnits8 units = half_units8(origin, direction, corners);
+    // Where coordinates have few bits, as those of grids, zeros are certain in doubles.
+    if (is_any8(convert_int8(units.of_weights > CLOSELY_WEIGHT * convert_double8(weight_bound)))) {
+        const Decision8 d = decide_closely8(origin, direction, corners, weight_bound, det_bound, t_bound, &units);
+        if (!is_any8(d.possible && !d.sure)) return d;
+    }
+    CloserNumbers8 pairs;
+    closer_numbers8(origin, direction, corners, &pairs);
+    const Numbers8 n = numbers_of_pairs8(&pairs);
+    const NumberBounds8 off = {CLOSER_T * convert_double8(t_bound), CLOSER_DET * convert_double8(det_bound),
+                               CLOSER_WEIGHT * convert_double8(weight_bound)};
     Decision8 result;
-    result.possible = !n.is_right || !misses;
-    result.has_t = n.is_right && convert_int8(fabs(n.det.high) > 4.0 * det_error) && fabs(t) > LEAST_MAGNITUDE;
-    result.sure = result.has_t && hits;
-    result.t_low = t - t_error;
-    result.t_high = t + t_error;
-    result.zeros = zeros;
+    decide_by_numbers8(&n, &off, &units, &result);
+    result.possible = result.possible || !pairs.is_right;
+    result.has_t = result.has_t && pairs.is_right;
+    result.sure = result.sure && pairs.is_right;
+    result.zeros = pairs.is_right ? result.zeros : (int8)(0);
     return result;
 }
 #endif

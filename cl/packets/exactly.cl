@@ -114,6 +114,12 @@ void settle_lane_exactly(GEOMETRY_PARAMETERS, const Ray* ray, uint lane, const b
     const uint* listed = hits->postponed_references[lane];
     const uint count = ((const uint*)&hits->postponed)[lane];
     Hit hit = {lane_of16(&hits->t_high, lane), lane_of16(&hits->t_low, lane), 0.0f, *primitive};
+#ifdef EXTENDED_IS_DOUBLE
+    if (hit.u == AT_START) { // on both sides of 0, as others
+        hit.t = next_up(0.0f);
+        hit.u = next_down(0.0f);
+    }
+#endif
     for (uint i = 0; i < count; i++) (void)postpone(geometry, LOAD_REFERENCE(geometry, listed[i]));
     const bool is_other = settle_exactly(GEOMETRY, ray, any_hit, &hit);
     if (FORGET_DEFERRED(geometry)) {
@@ -169,7 +175,7 @@ INLINE void decide_with_doubles(GEOMETRY_PARAMETERS, const RayPacket* p, const L
         const float8 origin[3] = {HALF(p->origin[0]), HALF(p->origin[1]), HALF(p->origin[2])};
         const float8 direction[3] = {HALF(p->direction[0]), HALF(p->direction[1]), HALF(p->direction[2])};
         d[part] = closer ? decide_closer8(origin, direction, corners, weight_bound, det_bound, t_bound)
-                         : decide_closely8(origin, direction, corners, weight_bound, det_bound, t_bound);
+                         : decide_closely8(origin, direction, corners, weight_bound, det_bound, t_bound, 0);
     }
     result->possible = (int16)(d[0].possible, d[1].possible);
     result->has_t = (int16)(d[0].has_t, d[1].has_t);
@@ -180,24 +186,29 @@ INLINE void decide_with_doubles(GEOMETRY_PARAMETERS, const RayPacket* p, const L
 }
 #undef HALF
 
-// Returns which of these lanes, that cross the triangle's plane, meet it where they meet their hit: at the same vertex
-// or edge. Of the two the lower number is the hit.
-int16 take_same_points(GEOMETRY_PARAMETERS, int16 lanes, uint reference, uint primitive, PacketHits_exactly* hits) {
-    const int16 at_edges = lanes && hits->zeros != 0;
-    int16 same = (int16)(0);
-    if (!is_any16(at_edges)) return same;
-    const Corners corners = corners_of_reference(GEOMETRY, reference);
-    for (ulong rest = lanes_where16(at_edges); rest != 0ul; rest = other_lanes8(rest)) {
-        const uint lane = first_lane16(rest);
-        const Corners best = corners_of_reference(GEOMETRY, ((const uint*)&hits->reference)[lane]);
-        const uint zeros = zeros_of_same_point((uint)((const int*)&hits->zeros)[lane], &best, &corners);
-        if (zeros == 0u) continue;
-        const int16 here = only_lane16(lane), taken = here && (uint16)(primitive) < hits->primitive;
-        same = same || here;
-        hits->reference = taken ? (uint16)(reference) : hits->reference;
-        hits->primitive = taken ? (uint16)(primitive) : hits->primitive;
-        hits->zeros = taken ? (int16)((int)zeros) : hits->zeros;
+// Returns which of these lanes meet the triangle of that decision surely where they meet their hit: where they start,
+// or at the same vertex or edge. Of the two the lower number is the hit.
+int16 take_ties(GEOMETRY_PARAMETERS, const Decision16* d, int16 lanes, uint reference, uint primitive,
+                PacketHits_exactly* hits) {
+    int16 same = lanes && d->sure && d->t_low == AT_START && hits->t_low == AT_START;
+    int16 taken = same && (uint16)(primitive) < hits->primitive, zeros = d->zeros;
+    const int16 at_edges = lanes && !same && d->has_t && hits->zeros != 0;
+    if (is_any16(at_edges)) {
+        const Corners corners = corners_of_reference(GEOMETRY, reference);
+        for (ulong rest = lanes_where16(at_edges); rest != 0ul; rest = other_lanes8(rest)) {
+            const uint lane = first_lane16(rest);
+            const Corners best = corners_of_reference(GEOMETRY, ((const uint*)&hits->reference)[lane]);
+            const uint own = zeros_of_same_point((uint)((const int*)&hits->zeros)[lane], &best, &corners);
+            if (own == 0u) continue;
+            const int16 here = only_lane16(lane);
+            same = same || here;
+            taken = taken || (here && (uint16)(primitive) < hits->primitive);
+            zeros = here ? (int16)((int)own) : zeros;
+        }
     }
+    hits->reference = taken ? (uint16)(reference) : hits->reference;
+    hits->primitive = taken ? (uint16)(primitive) : hits->primitive;
+    hits->zeros = taken ? zeros : hits->zeros;
     return same;
 }
 #endif
@@ -213,13 +224,14 @@ RARE void test_closely(GEOMETRY_PARAMETERS, const RayPacket* p, const LeafTriang
         decide_with_doubles(GEOMETRY, p, l, reference, open, false, &d);
         open = open_lanes(p, &d, open, hits->t_limit);
         open = take_sure_hits(p, &d, open, reference, primitive, any_hit, hits);
-        open = open && !take_same_points(GEOMETRY, open && d.has_t, reference, primitive, hits);
+        open = open && !take_ties(GEOMETRY, &d, open, reference, primitive, hits);
         // Where the hit is sure, it is open which of two is nearer.
         const int16 unsure = open && !d.sure && p->skip == NO_PRIMITIVE;
         if (is_any16(unsure)) {
             decide_with_doubles(GEOMETRY, p, l, reference, unsure, true, &d);
             const int16 met = open_lanes(p, &d, unsure, hits->t_limit);
-            open = (open && !unsure) || take_sure_hits(p, &d, met, reference, primitive, any_hit, hits);
+            const int16 left = take_sure_hits(p, &d, met, reference, primitive, any_hit, hits);
+            open = (open && !unsure) || (left && !take_ties(GEOMETRY, &d, left, reference, primitive, hits));
         }
     }
 #endif

@@ -111,9 +111,8 @@ double8 closer_bound8(float8 bound) {
 }
 
 // As rounds_surely_closer(): the quotient of a number and det, whose inverse in doubles that is.
-int8 round_surely_closer8(const DoubleDouble8* number, double8 bound, double8 half_unit, const CloserNumbers8* n,
-                          double8 det_bound, double8 inverse, float8* rounded) {
-    const DoubleDouble8* det = &n->det;
+int8 round_surely_closer8(const DoubleDouble8* number, double8 bound, double8 half_unit, const DoubleDouble8* det,
+                          double8 det_bound, double8 half_of_det, double8 inverse, float8* rounded) {
     const double8 rough = number->high * inverse;
     const double8 error = 1.01 * (fabs(rough) * (det_bound * fabs(inverse) + 0x1p-50) + bound * fabs(inverse));
     const float8 low = convert_float8(rough - error), high = convert_float8(rough + error);
@@ -128,7 +127,7 @@ int8 round_surely_closer8(const DoubleDouble8* number, double8 bound, double8 ha
         const double8 rest_bound =
             bound + fabs(middle) * det_bound + 0x1p-102 * (fabs(number->high) + fabs(product));
         const int8 is_tie = convert_int8(
-            fabs(rest.high) + rest_bound < smaller_of_doubles(half_unit, 0.5 * (last - first) * n->half_unit));
+            fabs(rest.high) + rest_bound < smaller_of_doubles(half_unit, 0.5 * (last - first) * half_of_det));
         const int8 is_above = convert_int8((rest.high > rest_bound && det->high > 0.0) ||
                                            (rest.high < -rest_bound && det->high < 0.0));
         const int8 is_below = convert_int8((rest.high > rest_bound && det->high < 0.0) ||
@@ -148,21 +147,26 @@ RARE Finished8 finish_eight_closer(const float8* o, const float8* d, const float
     const double8 bound_det = closer_bound8(bounds->det), bound1 = closer_bound8(bounds->u);
     const double8 bound2 = closer_bound8(bounds->v), bound0 = bound_det + bound1 + bound2;
     const double8 inverse = 1.0 / n.det.high;
+    const HalfUnits8 units = half_units8(o, d, c);
+    const Numbers8 high = numbers_of_pairs8(&n);
     Finished8 f;
-    f.zeros = zeros_of_weights8(&n, bound0, bound1, bound2);
+    f.zeros = n.is_right ? zeros_of_weights8(&high, bound0, bound1, bound2, units.of_weights) : (int8)(0);
     const int8 is_zero0 = (f.zeros & 1) != 0, is_zero1 = (f.zeros & 2) != 0, is_zero2 = (f.zeros & 4) != 0;
-#define ROUND_SURELY(number, bound, half_unit, rounded) \
-    round_surely_closer8(&n.number, bound, n.half_unit, &n, bound_det, inverse, &f.rounded)
+#define ROUND_SURELY(number, bound, of_number, rounded) \
+    round_surely_closer8(&n.number, bound, units.of_number, &n.det, bound_det, units.of_weights, inverse, &f.rounded)
     f.is_sure =
         n.is_right && bounds->det <= FLT_MAX && convert_int8(bound_det * fabs(inverse) < (double)MOST_DET_ERROR);
-    f.is_sure = f.is_sure && (ROUND_SURELY(weight1, bound1, half_unit, u) || is_zero1);
-    f.is_sure = f.is_sure && (ROUND_SURELY(weight2, bound2, half_unit, v) || is_zero2);
+    f.is_sure = f.is_sure && (ROUND_SURELY(weight1, bound1, of_weights, u) || is_zero1);
+    f.is_sure = f.is_sure && (ROUND_SURELY(weight2, bound2, of_weights, v) || is_zero2);
     f.u = is_zero1 ? (float8)(0.0f) : f.u;
     f.v = is_zero2 ? (float8)(0.0f) : f.v;
     if (wants_t) {
-        f.is_sure = f.is_sure && ROUND_SURELY(distance, closer_bound8(bounds->third), half_unit_t, third);
+        const double8 bound_t = closer_bound8(bounds->third);
+        const int8 at_start = is_surely_zero8(n.distance.high, bound_t, units.of_t);
+        f.is_sure = f.is_sure && (ROUND_SURELY(distance, bound_t, of_t, third) || at_start);
+        f.third = at_start ? (float8)(0.0f) : f.third;
     } else {
-        const int8 is_rounded = ROUND_SURELY(weight0, bound0, half_unit, third);
+        const int8 is_rounded = ROUND_SURELY(weight0, bound0, of_weights, third);
         f.third = is_zero0 ? (float8)(0.0f) : f.third;
         take_rest8(is_rounded || is_zero0, &f);
     }

@@ -134,7 +134,7 @@ int16 make_packet(RayPacket* p, float scale, float16* unit) {
     const float16 c[8] = {
         p->origin[0],    p->origin[1],    p->origin[2],    p->t_near,
         p->direction[0], p->direction[1], p->direction[2], p->t_far == INFINITY ? (float16)(0.0f) : p->t_far};
-    const int16 used = are_moderate(c, 8u) && size > 0.0f && p->t_near <= p->t_far;
+    const int16 used = are_moderate(c, 8u) && size > 0.0f && p->t_near <= p->t_far && p->t_far != 0.0f;
     p->has_slabs = false;
     // power_of_two_scale() of the largest component
     *unit = used ? as_float16((254u - (as_uint16(size) >> 23)) << 23) : (float16)(1.0f);

@@ -60,7 +60,7 @@ RARE Decision8 decide_with_doubles_alone(GEOMETRY_PARAMETERS, float3 origin, flo
     const float8 start[3] = {(float8)(origin.x), (float8)(origin.y), (float8)(origin.z)};
     const float8 along[3] = {(float8)(direction.x), (float8)(direction.y), (float8)(direction.z)};
     return closer ? decide_closer8(start, along, corners, weight_bound, det_bound, t_bound)
-                  : decide_closely8(start, along, corners, weight_bound, det_bound, t_bound);
+                  : decide_closely8(start, along, corners, weight_bound, det_bound, t_bound, 0);
 }
 #endif
 
@@ -99,16 +99,21 @@ INLINE ulong decide_packet_of_triangles(GEOMETRY_PARAMETERS, const LaneRay* ray,
     return open;
 }
 
-// Whether a ray meets a triangle, whose plane it crosses, where it meets its hit: at the same vertex or edge. The lower
-// number of the two is the hit then.
-RARE bool take_same_point(GEOMETRY_PARAMETERS, SingleRay_exactly* ray, uint reference, uint primitive) {
+// Whether a ray meets triangle `i` of that decision surely where it meets its hit: where it starts, or at the same
+// vertex or edge. Of the two the lower number is the hit.
+RARE bool take_tie(GEOMETRY_PARAMETERS, SingleRay_exactly* ray, const Decision8* d, uint i, uint reference,
+                   uint primitive) {
 #ifdef EXTENDED_IS_DOUBLE
-    const Corners corners = corners_of_reference(GEOMETRY, reference);
-    const Corners best = {LOAD_SURFACE_VERTEX(geometry, ray->primitive, 0),
-                          LOAD_SURFACE_VERTEX(geometry, ray->primitive, 1),
-                          LOAD_SURFACE_VERTEX(geometry, ray->primitive, 2)};
-    const uint zeros = zeros_of_same_point(ray->zeros, &best, &corners);
-    if (zeros == 0u) return false;
+    uint zeros = (uint)((const int*)&d->zeros)[i];
+    if (!(((const int*)&d->sure)[i] != 0 && lane_of8(&d->t_low, i) == AT_START && ray->hit_low == AT_START)) {
+        if (ray->zeros == 0u || ((const int*)&d->has_t)[i] == 0) return false;
+        const Corners corners = corners_of_reference(GEOMETRY, reference);
+        const Corners best = {LOAD_SURFACE_VERTEX(geometry, ray->primitive, 0),
+                              LOAD_SURFACE_VERTEX(geometry, ray->primitive, 1),
+                              LOAD_SURFACE_VERTEX(geometry, ray->primitive, 2)};
+        zeros = zeros_of_same_point(ray->zeros, &best, &corners);
+        if (zeros == 0u) return false;
+    }
     if (primitive < ray->primitive) {
         ray->found = reference;
         ray->primitive = primitive;
@@ -136,9 +141,7 @@ INLINE bool test_single_ray_exactly(GEOMETRY_PARAMETERS, SingleRay_exactly* ray,
         if (primitive == ray->skip || primitive == ray->primitive) continue;
         if (is_lane8(sure, i) && t_low > ray->t_limit) continue; // behind a hit in this packet
         if (!is_lane8(sure, i) || !(t_high < ray->hit_low)) {
-            if (ray->zeros != 0u && is_lane8(lanes_where8(d.has_t), i) &&
-                take_same_point(GEOMETRY, ray, first + i, primitive))
-                continue;
+            if (take_tie(GEOMETRY, ray, &d, i, first + i, primitive)) continue;
             ray->is_decided = postpone_for_lane(&ray->postponed, ray->postponed_references, first + i);
             if (!ray->is_decided) return true;
             continue;

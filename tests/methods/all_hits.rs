@@ -60,7 +60,33 @@ impl Model {
             [StressRay::new(Vec3::ZERO, to).within(1.0, f32::INFINITY), StressRay::new(Vec3::ZERO, to)]
         });
         models.push(Model::new("from zero", thin(), from_zero.collect()));
+        models.push(Model::landscape());
         models
+    }
+
+    /// Rays straight down and aslant at vertices, and at quarters of edges, of steps and slopes: weights that are zero,
+    /// distances in the middle between two floats, and triangles along the way. Some rays start there.
+    fn landscape() -> Model {
+        let mut random = Random::new(SEED);
+        let mut mesh = Mesh::sheet(6, |_, _| 2.0 * random.unit());
+        mesh.append(&Mesh::cube(Vec3::new(0.25, 0.25, 0.0), Vec3::new(0.5, 0.75, 1.0)));
+        mesh.append(&Mesh::cube(Vec3::new(0.5, 0.25, 0.0), Vec3::new(1.0, 0.75, 0.5)));
+        let rays = (0..2 * RAYS).map(|i| {
+            let [a, b, _] = mesh.corners(random.below(mesh.triangles.len()));
+            let to = a.lerp(b, [0.0, 0.0, 0.5, 0.25][i as usize % 4]);
+            let direction = match random.below(8) {
+                0 => Vec3::X,
+                1 => Vec3::NEG_Y,
+                2 => Vec3::new(0.5, 0.25, -1.0),
+                3 => b - a,
+                _ => Vec3::NEG_Z,
+            };
+            let ray = StressRay::new(to - direction * [0.0, 1.0, 4.0][random.below(3)], direction);
+            let t_min = [0.0, 0.0, 1.0, -1.0][random.below(4)];
+            ray.within(t_min, [f32::INFINITY, f32::INFINITY, 1.0, 0.0][random.below(4)])
+        });
+        let rays = rays.filter(|ray| ray.direction != Vec3::ZERO && ray.t_min <= ray.t_max).collect();
+        Model::new("landscape", mesh, rays)
     }
 
     fn of_closed(name: &'static str, closed: ClosedMesh) -> Model {

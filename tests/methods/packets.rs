@@ -309,11 +309,18 @@ fn what_packets_leave_open_is_decided_all_the_same() {
         // Some miss the sheet at its border.
         assert!(hits > many && second < many, "{hits} hits, {second} of {} rays in the second pass", rays.len());
     }
-    // Straight down at vertices and at middles and quarters of edges of a landscape: zero weights, and distances in the
-    // middle between two floats. Packets decide nearly all of it.
-    let size = if on_oclgrind() { 4 } else { 8 };
+}
+
+/// Straight down at vertices and at middles and quarters of edges of a landscape, and from its vertices: zero weights,
+/// and distances that are 0, or in the middle between two floats. Packets decide nearly all of it.
+#[test]
+fn packets_decide_about_rays_at_vertices_of_a_landscape() {
+    let Some(device) = device() else { return };
+    let mut random = Random::new(SEED);
+    let size = if on_oclgrind() { 5 } else { 9 }; // each coordinate has few bits
     let heights: Vec<f32> = (0..size * size).map(|_| 0.2 * random.unit()).collect();
-    let point = |x: usize, y: usize| Vec3::new(x as f32 / 16.0, y as f32 / 16.0, heights[x * size + y]);
+    let place = |x: usize| 2.0 * x as f32 / (size - 1) as f32 - 1.0;
+    let point = |x: usize, y: usize| Vec3::new(place(x), place(y), heights[x * size + y]);
     let cells = (1..size).flat_map(|x| (1..size).map(move |y| (x, y)));
     let triangles: Vec<_> = cells
         .flat_map(|(x, y)| {
@@ -321,15 +328,26 @@ fn what_packets_leave_open_is_decided_all_the_same() {
             [[a, b, c], [a, c, d]]
         })
         .collect();
-    for share in [0.0, 0.25, 0.5] {
-        let rays: Vec<_> = triangles
-            .iter()
-            .flat_map(|[a, b, c]| [(a, b), (b, c), (c, a)])
-            .map(|(from, to)| ray(from.lerp(*to, share).with_z(1.0), Vec3::NEG_Z, 0.0, f32::INFINITY))
-            .collect();
-        for options in [PACKETS, KD] {
-            let [hits, second] = assert_answers(&device, &options, &triangles, &rays);
-            assert_eq!(hits, rays.len());
+    let edges: Vec<_> = triangles.iter().flat_map(|[a, b, c]| [(*a, *b), (*b, *c), (*c, *a)]).collect();
+    let from = |above: bool, share: f32, direction: Vec3, t_min: f32| {
+        let start = |(from, to): &(Vec3, Vec3)| {
+            let point = from.lerp(*to, share);
+            if above { point.with_z(1.0) } else { point }
+        };
+        edges.iter().map(|edge| ray(start(edge), direction, t_min, f32::INFINITY)).collect::<Vec<_>>()
+    };
+    let sets = [
+        (from(true, 0.0, Vec3::NEG_Z, 0.0), true),
+        (from(true, 0.25, Vec3::NEG_Z, 0.0), true),
+        (from(true, 0.5, Vec3::NEG_Z, 0.0), true),
+        (from(false, 0.0, Vec3::NEG_Z, 0.0), true),
+        (from(false, 0.0, Vec3::new(0.0, 0.25, 4.0), -1.0), true),
+        (from(false, 0.0, Vec3::Z, 0.001), false),
+    ];
+    for options in [PACKETS, KD] {
+        for (rays, are_hits) in &sets {
+            let [hits, second] = assert_answers(&device, &options, &triangles, rays);
+            assert_eq!(hits, if *are_hits { rays.len() } else { 0 });
             assert!(second <= rays.len() / 50, "{second} of {} rays in the second pass", rays.len());
         }
     }
