@@ -52,9 +52,9 @@
 #define IMAGE_AT(index) (int2)((int)((index) % IMAGE_WIDTH), (int)((index) / IMAGE_WIDTH))
 #endif
 
-// Of a ray, or a packet of rays, that meets more triangles undecided, the rest is left to the second pass, or to its
-// rays by themselves. Around a vertex there are six.
-#define MAX_POSTPONED 8u
+// A ray that meets more triangles undecided is left to the second pass. Around a vertex there are six, and some rays go
+// from one vertex to another.
+#define MAX_POSTPONED 16u
 #ifdef DEFER_UNDECIDED
 typedef struct {
     uint is_deferred; // 1: something is left to the second pass

@@ -14,7 +14,7 @@ typedef struct {
     uint16 count;
     int16 undecided_lanes; // that have too many triangles put aside
     uint16 postponed;      // how many are
-    uint postponed_references[16][MAX_POSTPONED];
+    uint postponed_references[16][MOST_ASIDE];
 #ifdef LIST_COUNTED
     uint16 listed[MOST_LISTED]; // by their references: the first one of each lane, the second one of each, and so on
 #endif
