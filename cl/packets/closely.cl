@@ -41,8 +41,9 @@ float8 unit8(float8 x) {
     const float8 unit = last_digit * as_float8(exponent);
     return x == 0.0f ? (float8)(0x1p100f) : unit < LEAST_MAGNITUDE ? (float8)(0.0f) : unit;
 }
-// Of positions whose coordinates on each axis are multiples of `units`.
-HalfUnits8 half_units_of8(const float8* units, const float8* direction) {
+// Of positions whose coordinates on each axis are multiples of `units`. Calls: Oclgrind 21.10 does not know what clang
+// tells of these results where they are inlined.
+RARE HalfUnits8 half_units_of8(const float8* units, const float8* direction) {
     const double8 x = convert_double8(units[0]), y = convert_double8(units[1]), z = convert_double8(units[2]);
     const double8 without_x = convert_double8(unit8(direction[0])) * y * z;
     const double8 without_y = convert_double8(unit8(direction[1])) * x * z;
@@ -51,7 +52,7 @@ HalfUnits8 half_units_of8(const float8* units, const float8* direction) {
                                0.5 * x * y * z};
     return result;
 }
-HalfUnits8 half_units8(const float8* origin, const float8* direction, const float8* corners) {
+RARE HalfUnits8 half_units8(const float8* origin, const float8* direction, const float8* corners) {
     float8 units[3];
 #pragma unroll
     for (uint axis = 0; axis < 3u; axis++)
@@ -76,8 +77,7 @@ int8 zeros_of_weights8(const Numbers8* n, double8 bound0, double8 bound1, double
 #define AT_START FLT_MIN
 
 // As decide8(), but that zero weights are hits, too, where half units tell of them; without these, 0, nothing is zero.
-INLINE void decide_by_numbers8(const Numbers8* n, const NumberBounds8* off, const HalfUnits8* units,
-                               Decision8* result) {
+void decide_by_numbers8(const Numbers8* n, const NumberBounds8* off, const HalfUnits8* units, Decision8* result) {
     const double8 weight0 = n->weight0, weight1 = n->weight1, weight2 = n->weight2;
     double8 least = smaller_of_doubles(weight0, smaller_of_doubles(weight1, weight2));
     double8 greatest = larger_of_doubles(weight0, larger_of_doubles(weight1, weight2));

@@ -85,7 +85,7 @@ RARE void closer_numbers8(const float8* origin, const float8* direction, const f
 }
 
 // Their first parts.
-Numbers8 numbers_of_pairs8(const CloserNumbers8* n) {
+RARE Numbers8 numbers_of_pairs8(const CloserNumbers8* n) {
     const Numbers8 high = {n->distance.high, n->det.high, n->weight0.high, n->weight1.high, n->weight2.high};
     return high;
 }

@@ -165,6 +165,11 @@ pub fn soup(count: usize, size: f32, random: &mut Random) -> Vec<[Vec3; 3]> {
         .collect()
 }
 
+/// A triangle by itself, and the direction of a ray exactly through its first corner, of which only exact integers tell
+/// so: pairs of doubles do not hold its coordinates.
+pub const APART: [Vec3; 3] = [Vec3::new(2.5, 0.25, 0.0), Vec3::new(2.8, 0.3, 0.4), Vec3::new(2.1, 0.9, -0.3)];
+pub const AT_APART: Vec3 = Vec3::new(-0.5, -0.25, 3e-20);
+
 /// A wavy sheet of 2 n^2 triangles that share edges and vertices.
 pub fn sheet(n: usize) -> Vec<[Vec3; 3]> {
     let point = |x: usize, y: usize| {

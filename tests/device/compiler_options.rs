@@ -1,6 +1,6 @@
 //! Options for the device's compiler: whatever they relax, hits and pictures keep their bits; a refused one is named.
 
-use crate::common::{Random, SEED, device, is_thorough, scene_of, sheet, soup};
+use crate::common::{APART, AT_APART, Random, SEED, device, is_thorough, scene_of, sheet, soup};
 use glam::Vec3;
 use raybrook::low_level::device::{Cache, CompileOptions, DeviceContext, DeviceHandle, ProgramSource, build};
 use raybrook::low_level::options::{
@@ -31,11 +31,6 @@ const WIDEST: [&str; 4] = [RELAXED[2], RELAXED[3], RELAXED[4], RELAXED[6]];
 
 /// What makes the kernels take the instructions that they take on GPUs, whatever the device is.
 const GPU: [&str; 2] = ["-D GPU", "-D GPU -cl-fast-relaxed-math"];
-
-/// A triangle by itself, and the direction of a ray exactly through its first corner, of which only exact integers tell
-/// so: pairs of doubles do not hold its coordinates.
-const APART: [Vec3; 3] = [Vec3::new(2.5, 0.25, 0.0), Vec3::new(2.8, 0.3, 0.4), Vec3::new(2.1, 0.9, -0.3)];
-const AT_APART: Vec3 = Vec3::new(-0.5, -0.25, 3e-20);
 
 /// A tracer on `device`, or `None`, with the reason printed, where the kernels refuse the device's compiler options.
 fn open(

@@ -1,7 +1,7 @@
 //! Batches that go through a device part by part, as a stream or in place, against the same rays traced at once, bit
 //! for bit.
 
-use crate::common::{Random, SEED, device, on_oclgrind, scene_of, soup};
+use crate::common::{APART, AT_APART, Random, SEED, device, on_oclgrind, scene_of, soup};
 use crate::packets::{PACKETS, bits, scattered, trace};
 use raybrook::low_level::device::OpenClBackend;
 use raybrook::low_level::options::{Intersector, RayOrder, StructureKind, TraceOptions};
@@ -23,22 +23,28 @@ const BVH2: TraceOptions = TraceOptions::of(StructureKind::Bvh2);
 
 /// A tracer whose batches stream, if there is a device; and rays of all kinds, of which some are deferred.
 fn bench(options: &TraceOptions, rays: usize) -> Option<(OpenClBackend, Vec<TraceRay>)> {
-    let (tracer, rays) = whole_bench(options, rays)?;
+    let (tracer, rays) = bench_of(options, rays, 8)?;
     tracer.stage_transfers();
     Some((tracer, rays))
 }
 
 /// The same with a tracer that does as it does by itself.
 fn whole_bench(options: &TraceOptions, rays: usize) -> Option<(OpenClBackend, Vec<TraceRay>)> {
+    bench_of(options, rays, rays + 1)
+}
+
+/// The same; the second one of every so many rays is surely left to the second pass.
+fn bench_of(options: &TraceOptions, rays: usize, deferred_of: usize) -> Option<(OpenClBackend, Vec<TraceRay>)> {
     let device = device()?;
     let mut random = Random::new(SEED);
-    let triangles = soup(300, 0.4, &mut random);
+    let triangles = [soup(300, 0.4, &mut random), vec![APART]].concat();
     let buffers = Arc::new(SceneBuffers::new(&scene_of(&triangles), options).unwrap());
     let tracer = OpenClBackend::new(&device, &buffers, options, 1, None).unwrap();
     // All are different, but it takes long to make them.
     let some = scattered(10_007, &triangles, &mut random);
+    let deferred = buffers.trace_ray(APART[0] - AT_APART, AT_APART, 0.0, f32::INFINITY);
     let mut ray = |i: usize| {
-        let mut ray = some[i % some.len()];
+        let mut ray = if i % deferred_of == 1 { deferred } else { some[i % some.len()] };
         ray.origin_t_min.w -= random.unit() * 1e-3;
         ray
     };
