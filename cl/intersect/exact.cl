@@ -31,6 +31,13 @@ bool are_in_one_axis_plane(float3 p0, float3 p1, float3 p2, float3 q0, float3 q1
     return any(same);
 }
 
+// Whether a triangle lies in a plane across an axis, and a ray of that direction goes along it: D is 0, so it is not
+// hit. Such are the walls of a room to rays along its axes, which else take the most precision.
+bool is_in_plane_along(float3 direction, float3 p0, float3 p1, float3 p2) {
+    const int3 along = direction == (float3)(0.0f) && p0 == p1 && p0 == p2;
+    return any(along);
+}
+
 // What ties.cl tells of a triangle that step 2 leaves open, but for that it `is_hit`, or that the ray `crosses` its
 // plane: beside the nearest hit so far the lower number wins, and what lies in the plane that a ray leaves, or is that
 // triangle once more, is met at t = 0, which is not a hit. Where the nearest hit so far is at a vertex or an edge, as
@@ -66,6 +73,7 @@ ONE_COPY int decide_tie(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, float3 p
 ONE_COPY bool decide_undecided(GEOMETRY_PARAMETERS, const Ray* ray, float3 p0, float3 p1, float3 p2, uint primitive,
                                const Hit* hit, uint zeros_of_hit, float* t_low, float* t_high, uint* zeros) {
     *zeros = 0u;
+    if (is_in_plane_along(ray->direction, p0, p1, p2)) return false;
     COUNT(geometry, EXTENDED_TESTS, 1);
     const ExtendedDecision extended = decide_extended(ray->origin, ray->origin_low, ray->direction, p0, p1, p2);
     *t_low = extended.t_low;

@@ -108,20 +108,16 @@ typedef struct {
     bool is_det_zero;
 } CloserSigns;
 
-RARE CloserSigns closer_signs(const CloserNumbers* n, const TrianglePoint* start, float3 direction,
-                              const Corners* corners) {
+CloserSigns closer_signs(const CloserNumbers* n, double half_unit) {
     CloserSigns s = {sure_sign_closer(n->det, n->det_bound),
                      sure_sign_closer(n->weight0, n->bound0),
                      sure_sign_closer(n->weight1, n->bound1),
                      sure_sign_closer(n->weight2, n->bound2),
                      0u,
-                     false};
-    if (s.det * s.weight0 * s.weight1 * s.weight2 != 0) return s;
-    const double half_unit = half_closer_units(start, direction, corners).of_weights;
-    s.is_det_zero = s.det == 0 && is_surely_zero(n->det, n->det_bound, half_unit);
-    if (s.weight0 == 0 && is_surely_zero(n->weight0, n->bound0, half_unit)) s.zeros |= 1u;
-    if (s.weight1 == 0 && is_surely_zero(n->weight1, n->bound1, half_unit)) s.zeros |= 2u;
-    if (s.weight2 == 0 && is_surely_zero(n->weight2, n->bound2, half_unit)) s.zeros |= 4u;
+                     is_surely_zero(n->det, n->det_bound, half_unit)};
+    if (is_surely_zero(n->weight0, n->bound0, half_unit)) s.zeros |= 1u;
+    if (is_surely_zero(n->weight1, n->bound1, half_unit)) s.zeros |= 2u;
+    if (is_surely_zero(n->weight2, n->bound2, half_unit)) s.zeros |= 4u;
     return s;
 }
 
@@ -130,13 +126,20 @@ uint corners_at(const Corners* q, float3 point) {
     return (all(q->p0 == point) ? 1u : 0u) | (all(q->p1 == point) ? 2u : 0u) | (all(q->p2 == point) ? 4u : 0u);
 }
 
-// Zero weights tell the vertex of p, or the edge, that a ray meets. If q has that vertex or edge, too, the zero weights
-// of the same point in q; else 0. There the ray meets q, too, unless it is in the plane of q.
+// Zero weights tell the vertex of a triangle, or the edge, that a ray meets: its ends, which are one for a vertex, as
+// the first and the last corner of any weight.
+float3 first_of_zeros(uint zeros, const Corners* p) {
+    return (zeros & 1u) == 0u ? p->p0 : (zeros & 2u) == 0u ? p->p1 : p->p2;
+}
+float3 last_of_zeros(uint zeros, const Corners* p) {
+    return (zeros & 4u) == 0u ? p->p2 : (zeros & 2u) == 0u ? p->p1 : p->p0;
+}
+
+// If q has that vertex or edge of p, too, the zero weights of the same point in q; else 0. There the ray meets q, too,
+// unless it is in the plane of q.
 uint zeros_of_same_point(uint zeros, const Corners* p, const Corners* q) {
     if (zeros == 0u) return 0u;
-    // The ends of the edge, which are one for a vertex: the first and the last corner of any weight.
-    const uint first = corners_at(q, (zeros & 1u) == 0u ? p->p0 : (zeros & 2u) == 0u ? p->p1 : p->p2);
-    const uint last = corners_at(q, (zeros & 4u) == 0u ? p->p2 : (zeros & 2u) == 0u ? p->p1 : p->p0);
+    const uint first = corners_at(q, first_of_zeros(zeros, p)), last = corners_at(q, last_of_zeros(zeros, p));
     return first == 0u || last == 0u ? 0u : 7u & ~(first | last);
 }
 
@@ -145,10 +148,10 @@ uint zeros_of_same_point(uint zeros, const Corners* p, const Corners* q) {
 RARE bool rounds_surely_closer(DoubleDouble numerator, float numerator_bound, double half_unit,
                                DoubleDouble denominator, float denominator_bound, double half_of_det,
                                float* rounded) {
-    if (!is_closer_bound(numerator_bound) || !is_closer_bound(denominator_bound)) return false;
     const double inverse = 1.0 / denominator.x;
     const double relative = (double)denominator_bound * fabs(inverse);
-    if (!(relative < MOST_DET_ERROR)) return false;
+    if (!is_closer_bound(numerator_bound) || !is_closer_bound(denominator_bound) || !(relative < MOST_DET_ERROR))
+        return false;
     const double beside = (double)numerator_bound * fabs(inverse);
     // Mostly one double tells: the second ones, two roundings of a product and those here make less than 2^-50 of it.
     const double rough = numerator.x * inverse;
@@ -187,24 +190,12 @@ typedef struct {
 
 // What becomes of a triangle that is met at t = 0, which is a limit of the ray only if it is one of the caller's
 // (own_limit in ray.cl).
-RARE void decide_at_start(const TrianglePoint* start, float3 direction, const CloserLimits* limits,
-                          ExtendedDecision* result) {
+void decide_at_start(const CloserLimits* limits, ExtendedDecision* result) {
     if (limits->t_near > 0.0f || limits->t_far < 0.0f || limits->t_best_high < 0.0f ||
-        (limits->starts_on_triangle && limits->t_near == 0.0f)) {
+        (limits->starts_on_triangle && limits->t_near == 0.0f))
         result->decision = MISS;
-        return;
-    }
-    if (limits->has_best && limits->t_best_low <= 0.0f) {
-        CloserNumbers best;
-        closer_numbers(start, direction, &limits->best, &best);
-        const double half_unit = half_closer_units(start, direction, &limits->best).of_t;
-        if (!is_surely_zero(best.distance, best.distance_bound, half_unit)) return;
-        if (!limits->is_lower) {
-            result->decision = MISS;
-            return;
-        }
-    }
-    result->decision = HIT;
+    else if (!limits->has_best || limits->t_best_low > 0.0f)
+        result->decision = HIT;
     result->t_low = next_down(0.0f);
     result->t_high = next_up(0.0f);
 }
@@ -216,7 +207,8 @@ RARE ExtendedDecision decide_closer(TrianglePoint start, float3 direction, const
     ExtendedDecision result = {UNDECIDED, -INFINITY, INFINITY, false};
     CloserNumbers n;
     closer_numbers(&start, direction, corners, &n);
-    const CloserSigns signs = closer_signs(&n, &start, direction, corners);
+    const HalfUnits units = half_closer_units(&start, direction, corners);
+    const CloserSigns signs = closer_signs(&n, units.of_weights);
     // A ray in the triangle's plane has D = 0 and never hits.
     if (signs.is_det_zero || signs.weight0 * signs.weight1 < 0 || signs.weight1 * signs.weight2 < 0 ||
         signs.weight2 * signs.weight0 < 0)
@@ -232,19 +224,14 @@ RARE ExtendedDecision decide_closer(TrianglePoint start, float3 direction, const
         result.t_high = limits->t_best_high;
         return result;
     }
-    float t;
-    if (!rounds_surely_closer(n.distance, n.distance_bound, 0.0, n.det, n.det_bound, 0.0, &t) ||
-        !(fabs(t) > LEAST_MAGNITUDE)) {
-        const HalfUnits units = half_closer_units(&start, direction, corners);
-        if (is_surely_zero(n.distance, n.distance_bound, units.of_t)) {
-            decide_at_start(&start, direction, limits, &result);
-            return result;
-        }
-        if (!rounds_surely_closer(n.distance, n.distance_bound, units.of_t, n.det, n.det_bound, units.of_weights,
-                                  &t) ||
-            !(fabs(t) > LEAST_MAGNITUDE)) // on which side of a limit it is, is open
-            return result;
+    if (is_surely_zero(n.distance, n.distance_bound, units.of_t)) {
+        decide_at_start(limits, &result);
+        return result;
     }
+    float t;
+    const bool is_rounded = rounds_surely_closer(n.distance, n.distance_bound, units.of_t, n.det, n.det_bound,
+                                                 units.of_weights, &t);
+    if (!is_rounded || !(fabs(t) > LEAST_MAGNITUDE)) return result; // on which side of a limit it is, is open
     if (t < limits->t_near || t > limits->t_far || t > limits->t_best_high) {
         result.decision = MISS;
         return result;

@@ -253,9 +253,9 @@ void traverse_bvh8_packet(GEOMETRY_PARAMETERS, const RayPacket* p, const RayRang
             const uint first = (uint)leaf.y, count = (uint)leaf.z;
             if (count == 0u) continue;
             LeafTriangles triangles;
-            (void)load_triangles(GEOMETRY, range, 0, 1u, first / 8u, &triangles);
-            for (uint i = 0; i < count; i++)
-                (void)test_with_packet(GEOMETRY, p, &triangles, first + i, any_hit, hits);
+            ulong met = load_triangles(GEOMETRY, range, 0, 1u, first / 8u, &triangles) & FIRST_LANES8(count);
+            for (; met != 0ul; met = other_lanes8(met))
+                (void)test_with_packet(GEOMETRY, p, &triangles, first + first_lane8(met), any_hit, hits);
         }
     }
 }

@@ -18,6 +18,21 @@ Doubles3 cross_doubles(const Doubles3* a, const Doubles3* b) {
 }
 double8 dot_doubles(const Doubles3* a, const Doubles3* b) { return a->x * b->x + a->y * b->y + a->z * b->z; }
 
+// A triangle's edges from its first corner, where that is as seen from a ray's origin, and the ray's direction. Nine
+// coordinates, corner by corner.
+typedef struct {
+    Doubles3 edge1, edge2, from, along;
+} TriangleInDoubles;
+
+void triangle_in_doubles(const float8* o, const float8* d, const float8* c, TriangleInDoubles* t) {
+    t->edge1 = difference_of_doubles(c[3], c[4], c[5], c[0], c[1], c[2]);
+    t->edge2 = difference_of_doubles(c[6], c[7], c[8], c[0], c[1], c[2]);
+    t->from = difference_of_doubles(c[0], c[1], c[2], o[0], o[1], o[2]);
+    t->along.x = convert_double8(d[0]);
+    t->along.y = convert_double8(d[1]);
+    t->along.z = convert_double8(d[2]);
+}
+
 double8 smaller_of_doubles(double8 a, double8 b) { return a < b ? a : b; }
 double8 larger_of_doubles(double8 a, double8 b) { return a > b ? a : b; }
 
@@ -41,24 +56,21 @@ float8 unit8(float8 x) {
     const float8 unit = last_digit * as_float8(exponent);
     return x == 0.0f ? (float8)(0x1p100f) : unit < LEAST_MAGNITUDE ? (float8)(0.0f) : unit;
 }
-// Of positions whose coordinates on each axis are multiples of `units`. Calls: Oclgrind 21.10 does not know what clang
-// tells of these results where they are inlined.
-RARE HalfUnits8 half_units_of8(const float8* units, const float8* direction) {
-    const double8 x = convert_double8(units[0]), y = convert_double8(units[1]), z = convert_double8(units[2]);
+// That of the coordinates of a triangle and an origin on one axis.
+double8 unit_of_axis8(const float8* corners, const float8* origin, uint axis) {
+    return convert_double8(smaller8(smaller8(unit8(corners[axis]), unit8(corners[3u + axis])),
+                                    smaller8(unit8(corners[6u + axis]), unit8(origin[axis]))));
+}
+// A call: Oclgrind 21.10 does not know what clang tells of such a result where it is inlined.
+RARE HalfUnits8 half_units8(const float8* origin, const float8* direction, const float8* corners) {
+    const double8 x = unit_of_axis8(corners, origin, 0u), y = unit_of_axis8(corners, origin, 1u);
+    const double8 z = unit_of_axis8(corners, origin, 2u);
     const double8 without_x = convert_double8(unit8(direction[0])) * y * z;
     const double8 without_y = convert_double8(unit8(direction[1])) * x * z;
     const double8 without_z = convert_double8(unit8(direction[2])) * x * y;
     const HalfUnits8 result = {0.5 * smaller_of_doubles(without_x, smaller_of_doubles(without_y, without_z)),
                                0.5 * x * y * z};
     return result;
-}
-RARE HalfUnits8 half_units8(const float8* origin, const float8* direction, const float8* corners) {
-    float8 units[3];
-#pragma unroll
-    for (uint axis = 0; axis < 3u; axis++)
-        units[axis] = smaller8(smaller8(unit8(corners[axis]), unit8(corners[3u + axis])),
-                               smaller8(unit8(corners[6u + axis]), unit8(origin[axis])));
-    return half_units_of8(units, direction);
 }
 
 // As is_surely_zero().
@@ -118,18 +130,14 @@ void decide_by_numbers8(const Numbers8* n, const NumberBounds8* off, const HalfU
 // `units`: the HalfUnits8 of rays that start on no triangle, or 0.
 Decision8 decide_closely8(const float8* origin, const float8* direction, const float8* corners, float8 weight_bound,
                           float8 det_bound, float8 t_bound, const HalfUnits8* units) {
-    const float8* c = corners;
-    const Doubles3 edge1 = difference_of_doubles(c[3], c[4], c[5], c[0], c[1], c[2]);
-    const Doubles3 edge2 = difference_of_doubles(c[6], c[7], c[8], c[0], c[1], c[2]);
-    const Doubles3 from = difference_of_doubles(c[0], c[1], c[2], origin[0], origin[1], origin[2]);
-    const Doubles3 along = {convert_double8(direction[0]), convert_double8(direction[1]),
-                            convert_double8(direction[2])};
-    const Doubles3 normal = cross_doubles(&edge1, &edge2), moment = cross_doubles(&from, &along);
+    TriangleInDoubles t;
+    triangle_in_doubles(origin, direction, corners, &t);
+    const Doubles3 normal = cross_doubles(&t.edge1, &t.edge2), moment = cross_doubles(&t.from, &t.along);
     Numbers8 n;
-    n.distance = dot_doubles(&normal, &from);
-    n.det = dot_doubles(&normal, &along);
-    n.weight1 = dot_doubles(&edge2, &moment);
-    n.weight2 = -dot_doubles(&edge1, &moment);
+    n.distance = dot_doubles(&normal, &t.from);
+    n.det = dot_doubles(&normal, &t.along);
+    n.weight1 = dot_doubles(&t.edge2, &moment);
+    n.weight2 = -dot_doubles(&t.edge1, &moment);
     n.weight0 = (n.det - n.weight1) - n.weight2;
     const NumberBounds8 off = {CLOSELY_T * convert_double8(t_bound), CLOSELY_DET * convert_double8(det_bound),
                                CLOSELY_WEIGHT * convert_double8(weight_bound)};

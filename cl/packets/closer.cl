@@ -66,22 +66,18 @@ typedef struct {
 
 // Of rays that start on no triangle, by origins and directions, and triangles of nine coordinates, corner by corner.
 RARE void closer_numbers8(const float8* origin, const float8* direction, const float8* corners, CloserNumbers8* n) {
-    const float8 *c = corners, *o = origin;
-    const Doubles3 edge1 = difference_of_doubles(c[3], c[4], c[5], c[0], c[1], c[2]);
-    const Doubles3 edge2 = difference_of_doubles(c[6], c[7], c[8], c[0], c[1], c[2]);
-    const Doubles3 from = difference_of_doubles(c[0], c[1], c[2], o[0], o[1], o[2]);
-    const Doubles3 along = {convert_double8(direction[0]), convert_double8(direction[1]),
-                            convert_double8(direction[2])};
-    const DoubleDoubles3 normal = dd8_cross(&edge1, &edge2), moment = dd8_cross(&from, &along);
-    const Doubles3 minus_edge1 = {-edge1.x, -edge1.y, -edge1.z};
-    n->distance = dd8_dot(&from, &normal);
-    n->det = dd8_dot(&along, &normal);
-    n->weight1 = dd8_dot(&edge2, &moment);
+    TriangleInDoubles t;
+    triangle_in_doubles(origin, direction, corners, &t);
+    const DoubleDoubles3 normal = dd8_cross(&t.edge1, &t.edge2), moment = dd8_cross(&t.from, &t.along);
+    const Doubles3 minus_edge1 = {-t.edge1.x, -t.edge1.y, -t.edge1.z};
+    n->distance = dd8_dot(&t.from, &normal);
+    n->det = dd8_dot(&t.along, &normal);
+    n->weight1 = dd8_dot(&t.edge2, &moment);
     n->weight2 = dd8_dot(&minus_edge1, &moment);
     const DoubleDouble8 others = dd8_subtract(&n->det, &n->weight1);
     n->weight0 = dd8_subtract(&others, &n->weight2);
-    n->is_right =
-        are_differences8(c + 3, c, &edge1) && are_differences8(c + 6, c, &edge2) && are_differences8(c, o, &from);
+    n->is_right = are_differences8(corners + 3, corners, &t.edge1) &&
+                  are_differences8(corners + 6, corners, &t.edge2) && are_differences8(corners, origin, &t.from);
 }
 
 // Their first parts.

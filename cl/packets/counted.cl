@@ -15,6 +15,7 @@ typedef struct {
     int16 undecided_lanes; // that have too many triangles put aside
     uint16 postponed;      // how many are
     uint postponed_references[16][MOST_ASIDE];
+    MetEdges at; // where one of the hits is
 #ifdef LIST_COUNTED
     uint16 listed[MOST_LISTED]; // by their references: the first one of each lane, the second one of each, and so on
 #endif
@@ -32,12 +33,11 @@ void list_counted(uint16* listed, uint lane, uint count, uint reference) {
 void start_packet_counted(const RayPacket* p, PacketHits_counted* hits) {
     hits->t_limit = p->t_far;
     hits->count = hits->postponed = (uint16)(0u);
-    hits->undecided_lanes = (int16)(0);
+    hits->undecided_lanes = hits->at.is_known = (int16)(0);
 }
 
-// Counts a triangle of that decision in those of `open` that surely hit it within their limits. Returns the others.
-int16 count_sure_hits(const RayPacket* p, const Decision16* d, int16 open, uint reference, PacketHits_counted* hits) {
-    const int16 counted = open && d->sure && d->t_low > p->t_near && d->t_high < hits->t_limit;
+// Counts a triangle in these lanes.
+void count_lanes(int16 counted, uint reference, PacketHits_counted* hits) {
 #ifdef LIST_COUNTED
     for (ulong lanes = lanes_where16(counted); lanes != 0ul; lanes = other_lanes8(lanes)) {
         const uint lane = first_lane16(lanes);
@@ -46,20 +46,30 @@ int16 count_sure_hits(const RayPacket* p, const Decision16* d, int16 open, uint 
 #endif
     hits->count += counted ? (uint16)(1u) : (uint16)(0u);
     hits->t_limit = hits->count >= hits->most ? (float16)(-INFINITY) : hits->t_limit;
-    return open && !counted;
+}
+
+// The lanes of `open` that surely hit a triangle of that decision within their limits.
+int16 surely_hit(const RayPacket* p, const Decision16* d, int16 open, const PacketHits_counted* hits) {
+    return open && d->sure && d->t_low > p->t_near && d->t_high < hits->t_limit;
 }
 
 // As test_closely().
 RARE void count_closely(GEOMETRY_PARAMETERS, const RayPacket* p, const LeafTriangles_exactly* l, uint reference,
-                        int16 open, PacketHits_counted* hits) {
+                        int16 open, const int16 crosses, PacketHits_counted* hits) {
 #ifdef EXTENDED_IS_DOUBLE
     if (!p->has_low) {
-        Decision16 d;
-        decide_with_doubles(GEOMETRY, p, l, reference, open, false, &d);
-        open = count_sure_hits(p, &d, open_lanes(p, &d, open, hits->t_limit), reference, hits);
-        if (is_any16(open)) {
-            decide_with_doubles(GEOMETRY, p, l, reference, open, true, &d);
-            open = count_sure_hits(p, &d, open_lanes(p, &d, open, hits->t_limit), reference, hits);
+        const Corners corners = corners_of_reference(GEOMETRY, reference);
+        const int16 same = open && crosses && meet_same_edges(&hits->at, &corners);
+        count_lanes(same, reference, hits);
+        open = open && !same;
+        for (uint precise = 0; precise < 2u && is_any16(open); precise++) {
+            Decision16 d;
+            decide_with_doubles(GEOMETRY, p, l, reference, open, precise == 1u, &d);
+            open = open_lanes(p, &d, open, hits->t_limit);
+            const int16 sure = surely_hit(p, &d, open, hits);
+            keep_edges(d.zeros, sure, &corners, &hits->at);
+            count_lanes(sure, reference, hits);
+            open = open && !sure;
         }
     }
 #endif
@@ -76,8 +86,9 @@ bool test_with_packet_counted(GEOMETRY_PARAMETERS, const RayPacket* p, const Lea
     const Decision16 d = decide_triangle(p, l, reference);
     if (!is_any16(d.possible)) return false;
     const int16 open = open_lanes(p, &d, hits->t_limit >= p->t_near, hits->t_limit);
-    const int16 left = count_sure_hits(p, &d, open, reference, hits);
-    if (is_any16(left)) count_closely(GEOMETRY, p, l, reference, left, hits);
+    const int16 sure = surely_hit(p, &d, open, hits), left = open && !sure;
+    count_lanes(sure, reference, hits);
+    if (is_any16(left)) count_closely(GEOMETRY, p, l, reference, left, d.has_t, hits);
     return is_any16(open);
 }
 

@@ -34,6 +34,16 @@ void prepare_triangles(const float8* a, const float8* b, const float8* c, const 
     l->t_bound = fma((float8)(DECIDE_ERROR_T), s, (float8)(DECIDE_LEAST));
 }
 
+// The triangles in planes across an axis along which no ray goes, by how steep rays are at most: of these D is 0, and
+// none is hit. Such are the walls of a room to rays along its axes, which else take the most precision.
+ulong parallel_to_rays(const float8* a, const float8* b, const float8* c, float x, float y, float z) {
+    if (x != 0.0f && y != 0.0f && z != 0.0f) return 0ul;
+    const int8 in_x = a[0] == b[0] && a[0] == c[0], in_y = a[1] == b[1] && a[1] == c[1];
+    const int8 in_z = a[2] == b[2] && a[2] == c[2];
+    return (x == 0.0f ? lanes_where8(in_x) : 0ul) | (y == 0.0f ? lanes_where8(in_y) : 0ul) |
+           (z == 0.0f ? lanes_where8(in_z) : 0ul);
+}
+
 float8 farthest8(float8 p, float least, float greatest) { return larger8(fabs(p - least), fabs(p - greatest)); }
 
 // Reads packet number `packet` for rays of that range.
@@ -41,14 +51,16 @@ ulong load_triangles_exactly(GEOMETRY_PARAMETERS, const RayRange* range, const F
                              uint packet, LeafTriangles_exactly* l) {
     float8 b[3], c[3];
     load_corners(GEOMETRY, packet, l->a, b, c);
-    const ulong met = met_by_frusta(frusta, members, l->a, b, c);
+    const float* steepest = range->steepest;
+    const ulong parallel = parallel_to_rays(l->a, b, c, steepest[0], steepest[1], steepest[2]);
+    const ulong met = met_by_frusta(frusta, members, l->a, b, c) & ~(parallel * 0xfful);
     if (met == 0ul) return met;
     float8 from[3], direction[3];
 #pragma unroll
     for (uint axis = 0; axis < 3u; axis++) {
         from[axis] = farthest8(l->a[axis], range->origin_least[axis], range->origin_greatest[axis]);
         from[axis] += range->low_most[axis];
-        direction[axis] = (float8)(range->steepest[axis]);
+        direction[axis] = (float8)(steepest[axis]);
     }
     prepare_triangles(l->a, b, c, from, direction, &l->rest);
     return met;
@@ -58,13 +70,20 @@ ulong load_triangles_exactly(GEOMETRY_PARAMETERS, const RayRange* range, const F
 // itself. Few lanes put any aside, and lists twice as long cost 2 to 3 % of all rays' time.
 #define MOST_ASIDE 8u
 
+// Where each lane surely meets an edge or a vertex, if it is known: the ends of the edge, or twice the vertex. A
+// triangle with the same edge or vertex is met there, too, unless the ray is parallel to it.
+typedef struct {
+    int16 is_known;
+    float16 first[3], last[3];
+} MetEdges;
+
 // The nearest hit so far of each lane: limits of its t, both t_far where there is none. And what each lane has put
 // aside until the traversal is done: the references of triangles that float32 and double do not decide.
 typedef struct {
     float16 t_limit; // up to which t a lane looks for a hit: nowhere where that is -infinity
     float16 t_high, t_low;
     uint16 reference, primitive; // NO_PRIMITIVE where there is none
-    int16 zeros;                 // bits of its weights that are surely zero
+    MetEdges at;                 // where the hit is
     int16 undecided_lanes;
     uint16 postponed; // how many
     uint postponed_references[16][MOST_ASIDE];
@@ -73,7 +92,7 @@ typedef struct {
 void start_packet_exactly(const RayPacket* p, PacketHits_exactly* hits) {
     hits->t_limit = hits->t_high = hits->t_low = p->t_far;
     hits->reference = hits->primitive = (uint16)(NO_PRIMITIVE);
-    hits->zeros = (int16)(0);
+    hits->at.is_known = (int16)(0);
     hits->postponed = (uint16)(0u);
     hits->undecided_lanes = (int16)(0);
 }
@@ -152,7 +171,7 @@ int16 take_sure_hits(const RayPacket* p, const Decision16* d, int16 open, uint r
     hits->t_low = taken ? d->t_low : hits->t_low;
     hits->reference = taken ? (uint16)(reference) : hits->reference;
     hits->primitive = taken ? (uint16)(primitive) : hits->primitive;
-    hits->zeros = taken ? d->zeros : hits->zeros;
+    hits->at.is_known = hits->at.is_known && !taken;
     hits->t_limit = taken ? any_hit ? (float16)(-INFINITY) : d->t_high : hits->t_limit;
     return open && !taken;
 }
@@ -190,53 +209,80 @@ INLINE void decide_with_doubles(GEOMETRY_PARAMETERS, const RayPacket* p, const L
 }
 #undef HALF
 
-// Returns which of these lanes meet the triangle of that decision surely where they meet their hit: where they start,
-// or at the same vertex or edge. Of the two the lower number is the hit.
-int16 take_ties(GEOMETRY_PARAMETERS, const Decision16* d, int16 lanes, uint reference, uint primitive,
-                PacketHits_exactly* hits) {
-    int16 same = lanes && d->sure && d->t_low == AT_START && hits->t_low == AT_START;
-    int16 taken = same && (uint16)(primitive) < hits->primitive, zeros = d->zeros;
-    const int16 at_edges = lanes && !same && d->has_t && hits->zeros != 0;
-    if (is_any16(at_edges)) {
-        const Corners corners = corners_of_reference(GEOMETRY, reference);
-        for (ulong rest = lanes_where16(at_edges); rest != 0ul; rest = other_lanes8(rest)) {
-            const uint lane = first_lane16(rest);
-            const Corners best = corners_of_reference(GEOMETRY, ((const uint*)&hits->reference)[lane]);
-            const uint own = zeros_of_same_point((uint)((const int*)&hits->zeros)[lane], &best, &corners);
-            if (own == 0u) continue;
-            const int16 here = only_lane16(lane);
-            same = same || here;
-            taken = taken || (here && (uint16)(primitive) < hits->primitive);
-            zeros = here ? (int16)((int)own) : zeros;
-        }
+// Keeps where those of `lanes` meet a triangle of these zero weights, if there are any.
+void keep_edges(const int16 zeros, const int16 lanes, const Corners* c, MetEdges* at) {
+    const int16 here = lanes && zeros != 0;
+    if (!is_any16(here)) return;
+    const float p0[3] = {c->p0.x, c->p0.y, c->p0.z}, p1[3] = {c->p1.x, c->p1.y, c->p1.z};
+    const float p2[3] = {c->p2.x, c->p2.y, c->p2.z};
+    const int16 at0 = (zeros & 1) != 0, at1 = (zeros & 2) != 0, at2 = (zeros & 4) != 0;
+#pragma unroll
+    for (uint axis = 0; axis < 3u; axis++) {
+        const float16 x0 = (float16)(p0[axis]), x1 = (float16)(p1[axis]), x2 = (float16)(p2[axis]);
+        // As first_of_zeros() and last_of_zeros().
+        const float16 first = !at0 ? x0 : !at1 ? x1 : x2, last = !at2 ? x2 : !at1 ? x1 : x0;
+        at->first[axis] = here ? first : at->first[axis];
+        at->last[axis] = here ? last : at->last[axis];
     }
+    at->is_known = at->is_known || here;
+}
+
+int16 are_at(const float16* points, float3 corner) {
+    return points[0] == corner.x && points[1] == corner.y && points[2] == corner.z;
+}
+
+// The lanes that meet a triangle of those corners where they meet that edge or vertex, if they are not parallel to it.
+int16 meet_same_edges(const MetEdges* at, const Corners* c) {
+    const int16 has_first = are_at(at->first, c->p0) || are_at(at->first, c->p1) || are_at(at->first, c->p2);
+    const int16 has_last = are_at(at->last, c->p0) || are_at(at->last, c->p1) || are_at(at->last, c->p2);
+    return at->is_known && has_first && has_last;
+}
+
+// Of hits at the same t that with the lower number is the one.
+void take_lower(int16 same, uint reference, uint primitive, PacketHits_exactly* hits) {
+    const int16 taken = same && (uint16)(primitive) < hits->primitive;
     hits->reference = taken ? (uint16)(reference) : hits->reference;
     hits->primitive = taken ? (uint16)(primitive) : hits->primitive;
-    hits->zeros = taken ? zeros : hits->zeros;
-    return same;
+}
+
+// What twice the precision, or four times if that is `closer`, makes of the hits in the lanes `open`. Returns those for
+// which it does not decide; *unsure: where it does not even tell whether the triangle is hit.
+INLINE int16 take_with_doubles(GEOMETRY_PARAMETERS, const RayPacket* p, const LeafTriangles_exactly* l, uint reference,
+                               uint primitive, const Corners* corners, const bool any_hit, const bool closer,
+                               int16 open, PacketHits_exactly* hits, int16* unsure) {
+    Decision16 d;
+    decide_with_doubles(GEOMETRY, p, l, reference, open, closer, &d);
+    open = open_lanes(p, &d, open, hits->t_limit);
+    const int16 left = take_sure_hits(p, &d, open, reference, primitive, any_hit, hits);
+    keep_edges(d.zeros, open && !left, corners, &hits->at);
+    // Both where the ray starts.
+    const int16 same = left && d.sure && d.t_low == AT_START && hits->t_low == AT_START;
+    take_lower(same, reference, primitive, hits);
+    *unsure = !d.sure;
+    return left && !same;
 }
 #endif
 
-// What becomes of the lanes `open`, for which float32 does not decide about that triangle: twice or four times the
-// precision does, or it is put aside for them.
+// What becomes of the lanes `open`, for which float32 does not decide about that triangle: the same as of their hit, if
+// that is at the same edge or vertex and they surely cross its plane (`crosses`); or twice or four times the precision
+// decides; or it is put aside for them.
 RARE void test_closely(GEOMETRY_PARAMETERS, const RayPacket* p, const LeafTriangles_exactly* l, uint reference,
-                       const bool any_hit, int16 open, PacketHits_exactly* hits) {
+                       const bool any_hit, int16 open, const int16 crosses, PacketHits_exactly* hits) {
 #ifdef EXTENDED_IS_DOUBLE
     if (!p->has_low) {
         const uint primitive = LOAD_REFERENCE(geometry, reference);
-        Decision16 d;
-        decide_with_doubles(GEOMETRY, p, l, reference, open, false, &d);
-        open = open_lanes(p, &d, open, hits->t_limit);
-        open = take_sure_hits(p, &d, open, reference, primitive, any_hit, hits);
-        open = open && !take_ties(GEOMETRY, &d, open, reference, primitive, hits);
+        const Corners corners = corners_of_reference(GEOMETRY, reference);
+        const int16 same = open && crosses && meet_same_edges(&hits->at, &corners);
+        take_lower(same, reference, primitive, hits);
+        open = open && !same;
+        if (!is_any16(open)) return;
+        int16 unsure, other;
+        open = take_with_doubles(GEOMETRY, p, l, reference, primitive, &corners, any_hit, false, open, hits, &unsure);
         // Where the hit is sure, it is open which of two is nearer.
-        const int16 unsure = open && !d.sure && p->skip == NO_PRIMITIVE;
-        if (is_any16(unsure)) {
-            decide_with_doubles(GEOMETRY, p, l, reference, unsure, true, &d);
-            const int16 met = open_lanes(p, &d, unsure, hits->t_limit);
-            const int16 left = take_sure_hits(p, &d, met, reference, primitive, any_hit, hits);
-            open = (open && !unsure) || (left && !take_ties(GEOMETRY, &d, left, reference, primitive, hits));
-        }
+        unsure = unsure && open && p->skip == NO_PRIMITIVE;
+        if (is_any16(unsure))
+            open = (open && !unsure) || take_with_doubles(GEOMETRY, p, l, reference, primitive, &corners, any_hit, true,
+                                                          unsure, hits, &other);
     }
 #endif
     postpone_for_lanes(hits, reference, open);
@@ -272,6 +318,6 @@ bool test_with_packet_exactly(GEOMETRY_PARAMETERS, const RayPacket* p, const Lea
     const int16 others = p->skip != primitive && hits->primitive != primitive && hits->t_limit >= p->t_near;
     const int16 open = open_lanes(p, &d, others, hits->t_limit);
     const int16 left = take_sure_hits(p, &d, open, reference, primitive, any_hit, hits);
-    if (is_any16(left)) test_closely(GEOMETRY, p, l, reference, any_hit, left, hits);
+    if (is_any16(left)) test_closely(GEOMETRY, p, l, reference, any_hit, left, d.has_t, hits);
     return is_any16(open);
 }

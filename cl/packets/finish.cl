@@ -76,18 +76,16 @@ void take_rest8(int8 is_rounded, Finished8* f) {
 // this precision tells nothing.
 Finished8 finish_eight(const float8* o, const float8* low, const float8* d, const float8* c, const bool wants_t,
                        const FinishBounds8 bounds) {
-    const Doubles3 edge1 = difference_of_doubles(c[3], c[4], c[5], c[0], c[1], c[2]);
-    const Doubles3 edge2 = difference_of_doubles(c[6], c[7], c[8], c[0], c[1], c[2]);
-    Doubles3 from = difference_of_doubles(c[0], c[1], c[2], o[0], o[1], o[2]);
+    TriangleInDoubles t;
+    triangle_in_doubles(o, d, c, &t);
     if (low != 0) {
-        from.x -= convert_double8(low[0]);
-        from.y -= convert_double8(low[1]);
-        from.z -= convert_double8(low[2]);
+        t.from.x -= convert_double8(low[0]);
+        t.from.y -= convert_double8(low[1]);
+        t.from.z -= convert_double8(low[2]);
     }
-    const Doubles3 direction = {convert_double8(d[0]), convert_double8(d[1]), convert_double8(d[2])};
-    const Doubles3 normal = cross_doubles(&edge1, &edge2), moment = cross_doubles(&from, &direction);
-    const double8 det = dot_doubles(&normal, &direction);
-    const double8 weight1 = dot_doubles(&edge2, &moment), weight2 = -dot_doubles(&edge1, &moment);
+    const Doubles3 normal = cross_doubles(&t.edge1, &t.edge2), moment = cross_doubles(&t.from, &t.along);
+    const double8 det = dot_doubles(&normal, &t.along);
+    const double8 weight1 = dot_doubles(&t.edge2, &moment), weight2 = -dot_doubles(&t.edge1, &moment);
     const double8 inverse = 1.0 / det;
     const float8 det_error = bounds.det / fabs(convert_float8(det));
     Finished8 f;
@@ -95,7 +93,7 @@ Finished8 finish_eight(const float8* o, const float8* low, const float8* d, cons
     f.is_sure = bounds.det > LEAST_MAGNITUDE * EXTENDED_EPSILON && bounds.det <= FLT_MAX && det_error < MOST_DET_ERROR;
     f.is_sure = f.is_sure && round_surely8(weight1, bounds.u, inverse, det_error, &f.u);
     f.is_sure = f.is_sure && round_surely8(weight2, bounds.v, inverse, det_error, &f.v);
-    const double8 third = wants_t ? dot_doubles(&normal, &from) : (det - weight1) - weight2;
+    const double8 third = wants_t ? dot_doubles(&normal, &t.from) : (det - weight1) - weight2;
     const int8 is_rounded = round_surely8(third, bounds.third, inverse, det_error, &f.third);
     if (wants_t)
         f.is_sure = f.is_sure && is_rounded;
@@ -128,13 +126,11 @@ int8 round_surely_closer8(const DoubleDouble8* number, double8 bound, double8 ha
             bound + fabs(middle) * det_bound + 0x1p-102 * (fabs(number->high) + fabs(product));
         const int8 is_tie = convert_int8(
             fabs(rest.high) + rest_bound < smaller_of_doubles(half_unit, 0.5 * (last - first) * half_of_det));
-        const int8 is_above = convert_int8((rest.high > rest_bound && det->high > 0.0) ||
-                                           (rest.high < -rest_bound && det->high < 0.0));
-        const int8 is_below = convert_int8((rest.high > rest_bound && det->high < 0.0) ||
-                                           (rest.high < -rest_bound && det->high > 0.0));
-        const int8 is_low = is_below || (is_tie && (as_int8(low) & 1) == 0);
+        const int8 is_beside = convert_int8(fabs(rest.high) > rest_bound);
+        const int8 is_below = convert_int8((rest.high > 0.0) != (det->high > 0.0));
+        const int8 is_low = (is_tie && (as_int8(low) & 1) == 0) || (!is_tie && is_below);
         *rounded = are_two && is_low ? low : high;
-        is_sure = is_sure || (are_two && (is_tie || is_above || is_below));
+        is_sure = is_sure || (are_two && (is_tie || is_beside));
     }
     return is_sure && fabs(*rounded) > LEAST_MAGNITUDE;
 }

@@ -127,8 +127,8 @@ void add_ray(RayPacket* p, uint lane, float3 origin, float3 origin_low, float3 d
 }
 
 // Brings directions and limits of t to tracing space as make_ray() and limit_ray() do. Returns the lanes in use: not
-// those of extreme numbers, or that are not sound. *unit: by what directions were multiplied. `scale`: the scene's
-// where t is in the caller's units, else 1.
+// those of extreme numbers, or that are not sound, or that end at t = 0 (AT_START in closely.cl). *unit: by what
+// directions were multiplied. `scale`: the scene's where t is in the caller's units, else 1.
 int16 make_packet(RayPacket* p, float scale, float16* unit) {
     const float16 size = larger16(fabs(p->direction[0]), larger16(fabs(p->direction[1]), fabs(p->direction[2])));
     const float16 c[8] = {

@@ -7,23 +7,30 @@ typedef struct {
     // Its hit so far: limits of its t, its reference, but for one that the packet has found, and its triangle.
     float t_limit, hit_low;
     uint found, primitive;
-    uint zeros; // bits of the weights of that hit that are surely zero
+    bool is_at_edge; // whether it is known to be at an edge or a vertex (MetEdges), and at which
+    float3 edge_first, edge_last;
     uint postponed; // what it has put aside, as its packet keeps it
     uint* postponed_references;
     bool is_decided; // false if that is too much
 } SingleRay_exactly;
 
 SingleRay_exactly take_single_ray_exactly(const RayPacket* p, uint lane, PacketHits_exactly* hits) {
-    const SingleRay_exactly ray = {ray_of_lane(p, lane),
+    SingleRay_exactly ray = {ray_of_lane(p, lane),
                                    ((const uint*)&p->skip)[lane],
                                    lane_of16(&hits->t_limit, lane),
                                    lane_of16(&hits->t_low, lane),
                                    NO_PRIMITIVE,
                                    ((const uint*)&hits->primitive)[lane],
-                                   (uint)((const int*)&hits->zeros)[lane],
+                                   ((const int*)&hits->at.is_known)[lane] != 0,
+                                   (float3)(0.0f),
+                                   (float3)(0.0f),
                                    ((const uint*)&hits->postponed)[lane],
                                    hits->postponed_references[lane],
                                    true};
+    if (ray.is_at_edge) {
+        ray.edge_first = three_of_lane(hits->at.first, lane);
+        ray.edge_last = three_of_lane(hits->at.last, lane);
+    }
     return ray;
 }
 
@@ -42,12 +49,23 @@ void put_back_exactly(const SingleRay_exactly* ray, uint lane, const bool any_hi
     hits->t_low = here ? (float16)(ray->hit_low) : hits->t_low;
     hits->reference = here ? (uint16)(ray->found) : hits->reference;
     hits->primitive = here ? (uint16)(ray->primitive) : hits->primitive;
-    hits->zeros = here ? (int16)((int)ray->zeros) : hits->zeros;
+    hits->at.is_known = here ? (int16)(ray->is_at_edge ? -1 : 0) : hits->at.is_known;
+    if (!ray->is_at_edge) return;
+    set_three_of_lane(hits->at.first, lane, ray->edge_first);
+    set_three_of_lane(hits->at.last, lane, ray->edge_last);
 }
 
 // The lanes of triangles that a ray may hit within these limits.
 ulong open_lanes8(const Decision8* d, float t_near, float t_limit) {
     return lanes_where8(d->possible && !(d->has_t && (d->t_high < t_near || d->t_low > t_limit)));
+}
+
+// parallel_to_rays() of one ray and a packet of triangles. A call: it is rare, and the corners are not wanted in
+// registers.
+RARE ulong parallel_to_ray(GEOMETRY_PARAMETERS, float3 direction, uint packet) {
+    float8 a[3], b[3], c[3];
+    load_corners(GEOMETRY, packet, a, b, c);
+    return parallel_to_rays(a, b, c, direction.x, direction.y, direction.z);
 }
 
 #ifdef EXTENDED_IS_DOUBLE
@@ -84,6 +102,8 @@ INLINE ulong decide_packet_of_triangles(GEOMETRY_PARAMETERS, const LaneRay* ray,
     ulong open = lanes_where8(d->possible) & FIRST_LANES8(count);
     if (open == 0ul) return 0ul;
     open &= open_lanes8(d, ray->t_near, t_limit);
+    if ((open & ~lanes_where8(d->sure)) != 0ul && any(direction == (float3)(0.0f)))
+        open &= ~parallel_to_ray(GEOMETRY, direction, first / 8u);
 #ifdef EXTENDED_IS_DOUBLE
     if ((open & ~lanes_where8(d->sure)) != 0ul && all(low == (float3)(0.0f))) {
         const uint packet = first / 8u;
@@ -104,20 +124,14 @@ INLINE ulong decide_packet_of_triangles(GEOMETRY_PARAMETERS, const LaneRay* ray,
 RARE bool take_tie(GEOMETRY_PARAMETERS, SingleRay_exactly* ray, const Decision8* d, uint i, uint reference,
                    uint primitive) {
 #ifdef EXTENDED_IS_DOUBLE
-    uint zeros = (uint)((const int*)&d->zeros)[i];
     if (!(((const int*)&d->sure)[i] != 0 && lane_of8(&d->t_low, i) == AT_START && ray->hit_low == AT_START)) {
-        if (ray->zeros == 0u || ((const int*)&d->has_t)[i] == 0) return false;
+        if (!ray->is_at_edge || ((const int*)&d->has_t)[i] == 0) return false;
         const Corners corners = corners_of_reference(GEOMETRY, reference);
-        const Corners best = {LOAD_SURFACE_VERTEX(geometry, ray->primitive, 0),
-                              LOAD_SURFACE_VERTEX(geometry, ray->primitive, 1),
-                              LOAD_SURFACE_VERTEX(geometry, ray->primitive, 2)};
-        zeros = zeros_of_same_point(ray->zeros, &best, &corners);
-        if (zeros == 0u) return false;
+        if (corners_at(&corners, ray->edge_first) == 0u || corners_at(&corners, ray->edge_last) == 0u) return false;
     }
     if (primitive < ray->primitive) {
         ray->found = reference;
         ray->primitive = primitive;
-        ray->zeros = zeros;
     }
     return true;
 #else
@@ -148,7 +162,15 @@ INLINE bool test_single_ray_exactly(GEOMETRY_PARAMETERS, SingleRay_exactly* ray,
         }
         ray->found = first + i;
         ray->primitive = primitive;
-        ray->zeros = (uint)((const int*)&d.zeros)[i];
+#ifdef EXTENDED_IS_DOUBLE
+        const uint zeros = (uint)((const int*)&d.zeros)[i];
+        ray->is_at_edge = zeros != 0u;
+        if (zeros != 0u) {
+            const Corners corners = corners_of_reference(GEOMETRY, first + i);
+            ray->edge_first = first_of_zeros(zeros, &corners);
+            ray->edge_last = last_of_zeros(zeros, &corners);
+        }
+#endif
         ray->hit_low = t_low;
         ray->t_limit = t_high;
     }

@@ -35,11 +35,13 @@
 
 // For a large function with several callers. NVIDIA's compiler copies it to each, which makes the second pass, where
 // everything is tried, twice as long to compile as it need be, for no speed: few rays go that way. In the first pass
-// calls would cost up to half of the speed.
+// calls would cost up to half of the speed. For the same reason it is not to unroll the loop over the triangles there.
 #if defined(__NV_CL_C_VERSION) && defined(RESOLVE_DEFERRED)
 #define ONE_COPY __attribute__((noinline))
+#define NO_UNROLLING _Pragma("unroll 1")
 #else
 #define ONE_COPY
+#define NO_UNROLLING
 #endif
 
 // Asks for memory that is read soon, where that is a processor's instruction: its own guesses end with the order of

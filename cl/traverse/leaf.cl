@@ -143,6 +143,7 @@ INLINE void test_triangle(GEOMETRY_PARAMETERS, const Ray* ray, uint reference, H
 // What ends the loop is in its condition, because work-items that leave it by a return of their own do not come
 // together again behind it on a GPU: an H200 took 2.6 times as long for shadow rays in a kd-tree.
 INLINE bool test_triangles(GEOMETRY_PARAMETERS, const Ray* ray, uint first, uint end, const bool any_hit, Hit* hit) {
+    NO_UNROLLING
     for (uint i = first; i < end && !(any_hit && hit->primitive != NO_PRIMITIVE); i++)
         test_triangle(GEOMETRY, ray, i, hit);
     return any_hit && hit->primitive != NO_PRIMITIVE;

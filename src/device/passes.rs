@@ -6,9 +6,7 @@ use super::definitions::Definitions;
 use super::entry::{Entry, Pass, files_with};
 use super::launch::{FIRST_ITEMS, LaunchPlan, Shape, begin_launch, launch};
 use super::on_host::{MOST_ITEMS, MOST_S, OnHost};
-use super::{
-    Cache, CompileOptions, DeviceContext, DeviceInfo, DeviceKind, Event, Kernel, Program, ProgramSource, build,
-};
+use super::{Cache, CompileOptions, DeviceContext, DeviceInfo, Event, Kernel, Program, ProgramSource, build};
 use crate::error::Result;
 use std::ops::Range;
 use std::time::Instant;
@@ -26,11 +24,6 @@ pub(super) struct Passes {
     /// What [`crate::tracer::Backend::notes`] tells.
     pub notes: Vec<String>,
 }
-
-/// Work-groups of the second pass that a compute unit is to have before any has more than one item. An H200, Mrays/s of
-/// gears' camera rays with 3,836 items in groups of 1, 2, 8, 64: 4,122, 3,745, 3,018, 2,193; with 30,688 items 6,093,
-/// 7,136, 8,639, 8,349.
-const SECOND_GROUPS_OF_UNIT: usize = 16;
 
 /// Work-items of a compute unit where they take items from a queue. On CPUs, where these are work-groups of their own,
 /// PoCL gives a thread at least 32 of them at once, which it runs one after the other: all threads are to have some.
@@ -139,7 +132,7 @@ impl Passes {
         }
         let second_s = match self.settle(entry, deferred, count, on_host)? {
             Some(on_host_s) => on_host_s,
-            None => self.run_second(context, entry, set, (deferred, count), work_group, || progress(0))?,
+            None => self.run_second(context, entry, set, (deferred, count), || progress(0))?,
         };
         Ok(seconds + second_s)
     }
@@ -191,20 +184,17 @@ impl Passes {
         entry: Entry,
         set: &dyn Fn(&mut Kernel) -> Result<()>,
         (deferred, count): (&Deferred, usize),
-        work_group: usize,
         mut progress: impl FnMut(),
     ) -> Result<f64> {
         let kernel = self.kernel(context, Pass::Second, entry.second())?;
         set(kernel)?;
         // How long such items take is not known from the others. The first launch takes most lists whole: a small one
-        // would leave a GPU idle for as long as its slowest item takes. Nor are items put into one work-group while
-        // units are free: each would wait for whatever exact integers the others compute. On CPUs never: what such
-        // items do in a row takes as long in one work-group as in several, and PoCL compiles a kernel anew for each
-        // size of a work-group, which takes a second.
+        // would leave a GPU idle for as long as its slowest item takes. Each item has a work-group of its own. In one
+        // with others it would wait for whatever exact integers these compute; PoCL compiles a kernel anew for each
+        // size; and what NVIDIA's compiler makes of calls this deep goes wrong where the lanes of a warp part: an H200
+        // failed with illegal addresses. 33,522 rays along edges take 2.4 times as long so; few batches defer as many.
         let mut plan = LaunchPlan::on(context, FIRST_ITEMS);
-        let most = if context.info().kind == DeviceKind::Cpu { 1 } else { work_group };
-        let work_group = (count / (SECOND_GROUPS_OF_UNIT * units_of(context))).clamp(1, most);
-        let shape = Shape { work_group, ..shape_of(context, entry.second(), 0..count, work_group) };
+        let shape = shape_of(context, entry.second(), 0..count, 1);
         let seconds = launch(kernel, &mut plan, shape, |_| progress())?;
         deferred.items.write(&[0])?;
         Ok(seconds)

@@ -13,6 +13,12 @@ use crate::reference::shared::ray::Ray;
 use crate::shared::{Hit, NO_PRIMITIVE, WorkCounter};
 use glam::Vec3;
 
+/// Twin of `is_in_plane_along`.
+fn is_in_plane_along(direction: Vec3, triangle: &[Vec3; 3]) -> bool {
+    let [p0, p1, p2] = triangle;
+    (direction.cmpeq(Vec3::ZERO) & p0.cmpeq(*p1) & p0.cmpeq(*p2)).any()
+}
+
 /// Twin of `decide_tie`.
 #[inline(never)]
 fn decide_tie(
@@ -57,6 +63,9 @@ pub fn test_exactly(buffers: &SceneBuffers, ray: &Ray, primitive: u32, hit: &mut
             _ => Decision::Undecided,
         },
     };
+    if decision == Decision::Undecided && is_in_plane_along(ray.direction, &triangle) {
+        return;
+    }
     if decision == Decision::Undecided {
         work.count(WorkCounter::ExtendedTests, 1);
         let extended = decide_extended(ray, triangle);
