@@ -189,7 +189,8 @@ typedef struct {
 } CloserLimits;
 
 // What becomes of a triangle that is met at t = 0, which is a limit of the ray only if it is one of the caller's
-// (own_limit in ray.cl).
+// (own_limit in ray.cl). Where the hit so far may be there, too, exact integers compare the two: it would take a chain
+// of calls that is deeper than all others (ONE_COPY in compiler.cl).
 void decide_at_start(const CloserLimits* limits, ExtendedDecision* result) {
     if (limits->t_near > 0.0f || limits->t_far < 0.0f || limits->t_best_high < 0.0f ||
         (limits->starts_on_triangle && limits->t_near == 0.0f))

@@ -62,9 +62,9 @@ RARE void count_closely(GEOMETRY_PARAMETERS, const RayPacket* p, const LeafTrian
         const int16 same = open && crosses && meet_same_edges(&hits->at, &corners);
         count_lanes(same, reference, hits);
         open = open && !same;
-        for (uint precise = 0; precise < 2u && is_any16(open); precise++) {
+        for (uint closer = 0; closer < 2u && is_any16(open); closer++) {
             Decision16 d;
-            decide_with_doubles(GEOMETRY, p, l, reference, open, precise == 1u, &d);
+            decide_with_doubles(GEOMETRY, p, l, reference, open, closer == 1u, &d);
             open = open_lanes(p, &d, open, hits->t_limit);
             const int16 sure = surely_hit(p, &d, open, hits);
             keep_edges(d.zeros, sure, &corners, &hits->at);

@@ -16,17 +16,17 @@ typedef struct {
 
 SingleRay_exactly take_single_ray_exactly(const RayPacket* p, uint lane, PacketHits_exactly* hits) {
     SingleRay_exactly ray = {ray_of_lane(p, lane),
-                                   ((const uint*)&p->skip)[lane],
-                                   lane_of16(&hits->t_limit, lane),
-                                   lane_of16(&hits->t_low, lane),
-                                   NO_PRIMITIVE,
-                                   ((const uint*)&hits->primitive)[lane],
-                                   ((const int*)&hits->at.is_known)[lane] != 0,
-                                   (float3)(0.0f),
-                                   (float3)(0.0f),
-                                   ((const uint*)&hits->postponed)[lane],
-                                   hits->postponed_references[lane],
-                                   true};
+                             ((const uint*)&p->skip)[lane],
+                             lane_of16(&hits->t_limit, lane),
+                             lane_of16(&hits->t_low, lane),
+                             NO_PRIMITIVE,
+                             ((const uint*)&hits->primitive)[lane],
+                             ((const int*)&hits->at.is_known)[lane] != 0,
+                             (float3)(0.0f),
+                             (float3)(0.0f),
+                             ((const uint*)&hits->postponed)[lane],
+                             hits->postponed_references[lane],
+                             true};
     if (ray.is_at_edge) {
         ray.edge_first = three_of_lane(hits->at.first, lane);
         ray.edge_last = three_of_lane(hits->at.last, lane);

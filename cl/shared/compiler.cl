@@ -36,6 +36,10 @@
 // For a large function with several callers. NVIDIA's compiler copies it to each, which makes the second pass, where
 // everything is tried, twice as long to compile as it need be, for no speed: few rays go that way. In the first pass
 // calls would cost up to half of the speed. For the same reason it is not to unroll the loop over the triangles there.
+//
+// Where lanes part around a call they meet again at one of twelve barriers. For a chain of calls that takes more,
+// NVIDIA's compiler keeps some in registers, and an H200 then failed with illegal addresses. So chains are to be short,
+// in first passes above all: no BMOV.32.CLEAR to a register in what nvdisasm tells of a kernel.
 #if defined(__NV_CL_C_VERSION) && defined(RESOLVE_DEFERRED)
 #define ONE_COPY __attribute__((noinline))
 #define NO_UNROLLING _Pragma("unroll 1")
