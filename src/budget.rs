@@ -10,6 +10,7 @@
 
 pub use crate::error::{BudgetOrigin, Bytes, DecidedBy, MemoryBudget};
 use crate::error::{Error, Result};
+use crate::large_pages;
 use bytemuck::Zeroable;
 use bytemuck::allocation::try_zeroed_vec;
 use std::collections::TryReserveError;
@@ -26,7 +27,9 @@ pub(crate) fn try_repeat<T: Clone>(value: T, count: usize) -> std::result::Resul
 /// `count` zeros, or none when the system has no memory for them. It gives them when they are first touched: by all
 /// cores, and not by one in advance.
 pub(crate) fn try_zeros<T: Zeroable>(count: usize) -> Option<Vec<T>> {
-    try_zeroed_vec(count).ok()
+    let mut zeros = try_zeroed_vec(count).ok()?;
+    large_pages::ask_for(&mut zeros);
+    Some(zeros)
 }
 
 /// What takes less memory is not checked: asking the system takes as long as tracing a thousand rays.

@@ -133,6 +133,7 @@ mod features;
 mod fma;
 mod front;
 mod io;
+mod large_pages;
 mod layers;
 mod layout;
 pub mod low_level;

@@ -8,7 +8,7 @@ pub use candidates::{Candidates, CandidatesJob};
 
 use crate::blocks::Blocks;
 use crate::error::{Error, Result};
-use crate::io::film::{Film, FilmWindow};
+use crate::io::film::{Film, FilmPlace, FilmWindow};
 use crate::layout::Float4;
 use crate::names::as_name;
 use crate::options::Decisions;
@@ -482,6 +482,22 @@ pub trait Backend: Send {
     /// # Errors
     /// The device failed or cannot hold the picture.
     fn render(&mut self, params: &RenderParams, samples: &[CameraSample], progress: Progress) -> Result<RenderResult>;
+
+    /// As [`Backend::render`], into the place of those pixels among others. The result's film has none.
+    ///
+    /// # Errors
+    /// As there.
+    fn render_into(
+        &mut self,
+        params: &RenderParams,
+        samples: &[CameraSample],
+        place: FilmPlace,
+        progress: Progress,
+    ) -> Result<RenderResult> {
+        let mut rendered = self.render(params, samples, progress)?;
+        place.put(&std::mem::replace(&mut rendered.film, Film::none()).pixels, |pixel| *pixel);
+        Ok(rendered)
+    }
 
     /// Renders a picture by its error, or an area of one ([`RenderParams::cropped`]), if the tracer decides by itself
     /// what is traced ([`crate::options::Decisions`]). `blocks` are those of the area alone; its pixels are those of

@@ -494,7 +494,10 @@ void render_tile(SCENE_PARAMETERS, const PictureLaunch* launch, DEFERRED_ARGUMEN
             add_sample(SCENE, &sixteen, inside[k], &packets[k], &answers[k]);
         }
     }
-    uint counts[COUNTERS] = {0};
+    // In registers: sums in memory wait for each other.
+    uint sums[COUNTERS];
+#pragma unroll
+    for (uint j = 0; j < COUNTERS; j++) sums[j] = 0u;
     for (uint i = 0; i < TILE_ITEMS; i++) {
         if ((inside[i / 16u] & lane_bit16(i % 16u)) == 0ul) continue;
         if ((is_deferred[i / 16u] & lane_bit16(i % 16u)) != 0ul) {
@@ -502,8 +505,11 @@ void render_tile(SCENE_PARAMETERS, const PictureLaunch* launch, DEFERRED_ARGUMEN
             continue;
         }
         store_sum(render, film, item + i, apart, launch->end_sample, items[i].sum);
-        for (uint j = 0; j < COUNTERS; j++) counts[j] += items[i].counts[j];
+#pragma unroll
+        for (uint j = 0; j < COUNTERS; j++) sums[j] += items[i].counts[j];
     }
+    uint counts[COUNTERS];
+    for (uint j = 0; j < COUNTERS; j++) counts[j] = sums[j];
     add_counts(counts, launch->counters, item / TILE_ITEMS);
 }
 

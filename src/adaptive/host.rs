@@ -7,7 +7,7 @@ use super::{Done, Pixels, refine, sample_sequence};
 use crate::blocks::{Area, Blocks};
 use crate::budget::{DecidedBy, Need, try_zeros};
 use crate::error::Result;
-use crate::io::film::FilmWindow;
+use crate::io::film::{FilmPlace, FilmWindow};
 use crate::parallel;
 use crate::shared::{CameraSample, RenderParams, TILE_SIDE};
 use crate::tracer::{Adaptive, Backend, Finished, LEVEL_SAMPLES, Progress, Refined, RenderResult, Sampling, Spent};
@@ -208,15 +208,12 @@ impl Tracing<'_> {
             let (columns, rows) = part.size();
             let first = (self.origin.0 + part.x.start, self.origin.1 + part.y.start);
             let params = self.params.of_part((first.0 as u32, first.1 as u32), (columns as u32, rows as u32));
-            let traced = self.tracer.render(&params, &self.sequence[..1], &|_| self.progress.again())?;
+            let width = self.width();
+            let film = &mut self.result.film.pixels[part.y.start * width..part.y.end * width];
+            let place = FilmPlace { rows: film, width, column: part.x.start, columns };
+            let traced = self.tracer.render_into(&params, &self.sequence[..1], place, &|_| self.progress.again())?;
             self.on_host(|this| {
-                let width = this.width();
                 this.result.add(&traced);
-                let film = &mut this.result.film.pixels[part.y.start * width..part.y.end * width];
-                let rows = film.chunks_mut(width).zip(traced.film.pixels.chunks(columns));
-                parallel::each(rows, |(film, traced)| {
-                    film[part.x.clone()].copy_from_slice(traced);
-                });
                 this.add_work(
                     traced.work.as_deref(),
                     part.y.clone().flat_map(|y| part.x.clone().map(move |x| ((x, y), 1))),

@@ -1,8 +1,9 @@
 //! How wrong each pixel of a patch may be.
 
 use super::promises::{Choice, Promises, class};
-use super::shown::{display_steps, mean, squared};
+use super::shown::{mean, show, squared};
 use crate::blocks::{Area, LARGEST_PATCH, PATCH_SIDE};
+use crate::fma::with_fma;
 use crate::shared::TILE_SIDE;
 use crate::tracer::{LAST_LEVEL, LEVEL_SAMPLES};
 use bytemuck::zeroed_vec;
@@ -163,16 +164,15 @@ impl Patch {
             self.errors.fill(0.0);
             self.levels.fill(0);
         }
-        // Pixels in a row are often the same.
-        let (mut last, mut shown) = (corner, display_steps(corner));
+        let mut channels = [0f32; 3 * (LARGEST_PATCH + 2)];
         for y in rows {
+            let channels = &mut channels[..3 * columns.len()];
+            channels.copy_from_slice(row(y).as_flattened());
+            show(channels);
             let to = (y + 1 - place.y.start) * ring + columns.start + 1 - place.x.start;
             let [red, green, blue] = self.shown.each_mut().map(|channel| &mut channel[to..]);
-            for (((&pixel, red), green), blue) in row(y).iter().zip(red).zip(green).zip(blue) {
-                if pixel != last {
-                    (last, shown) = (pixel, display_steps(pixel));
-                }
-                [*red, *green, *blue] = shown;
+            for (((shown, red), green), blue) in channels.as_chunks().0.iter().zip(red).zip(green).zip(blue) {
+                [*red, *green, *blue] = *shown;
             }
         }
         if lattice.step == 1 {
@@ -248,7 +248,7 @@ impl Patch {
             return;
         }
         if !self.is_estimated && lattice.step == 1 {
-            return self.estimate_first_samples(promises);
+            return estimate_first_samples(self, promises);
         }
         for y in 0..self.size.1 {
             let mut near = self.near_news(y);
@@ -279,24 +279,6 @@ impl Patch {
         self.highest = classes.max().unwrap_or(0);
     }
 
-    /// The same where each pixel has its first sample and no other: [`Patch::estimate`] is then a part of the contrast.
-    fn estimate_first_samples(&mut self, promises: &mut Promises) {
-        let (mut most, (width, height)) = (0f32, self.size);
-        for y in 0..height {
-            let contrasts = self.contrasts(y);
-            let errors = &mut self.errors[y * self.side..][..width];
-            for (error, contrast) in errors.iter_mut().zip(contrasts) {
-                *error = PARTS[1][1] * contrast;
-            }
-            for &error in errors.iter().filter(|error| **error > 0.0) {
-                promises.count(1, error);
-                most = most.max(error);
-            }
-        }
-        self.is_estimated = true;
-        self.highest = class(1, most).unwrap_or(0);
-    }
-
     /// Which pixels of a row are new or beside a new one.
     fn near_news(&self, y: usize) -> Row {
         let columns = Row::MAX >> (Row::BITS as usize - self.size.0);
@@ -309,11 +291,12 @@ impl Patch {
     }
 
     /// Of a row the largest squared second differences in the four directions around each pixel.
+    #[inline(always)]
     fn contrasts(&self, y: usize) -> [f32; LARGEST_PATCH] {
         // Where the two around a pixel lie, by row and column, behind the pixel above and to the left of it.
         const AROUND: [[(usize, usize); 2]; 4] =
             [[(1, 0), (1, 2)], [(0, 1), (2, 1)], [(0, 0), (2, 2)], [(0, 2), (2, 0)]];
-        let mut contrasts = [0.0; LARGEST_PATCH];
+        let mut contrasts = [0f32; LARGEST_PATCH];
         for (first, contrasts) in (0..self.side).step_by(PATCH_SIDE).zip(contrasts.chunks_exact_mut(PATCH_SIDE)) {
             for [before, after] in AROUND {
                 let mut sum = [0.0; PATCH_SIDE];
@@ -328,9 +311,8 @@ impl Patch {
                     }
                 }
                 for (contrast, sum) in contrasts.iter_mut().zip(sum) {
-                    let squared = sum * (1.0 / 3.0);
-                    // NaN, where there is no pixel on one side, is not larger.
-                    *contrast = if squared > *contrast { squared } else { *contrast };
+                    // Of NaN, where there is no pixel on one side, and a number this is the number.
+                    *contrast = contrast.max(sum * (1.0 / 3.0));
                 }
             }
         }
@@ -397,6 +379,27 @@ impl Patch {
     }
 }
 
+with_fma! {
+    /// [`Patch::update`] where each pixel has its first sample and no other: [`Patch::estimate`] is then a part of the
+    /// contrast.
+    fn estimate_first_samples(patch: &mut Patch, promises: &mut Promises) {
+        let (mut most, (width, height)) = (0f32, patch.size);
+        for y in 0..height {
+            let contrasts = patch.contrasts(y);
+            let errors = &mut patch.errors[y * patch.side..][..width];
+            for (error, contrast) in errors.iter_mut().zip(contrasts) {
+                *error = PARTS[1][1] * contrast;
+            }
+            for &error in errors.iter().filter(|error| **error > 0.0) {
+                promises.count(1, error);
+                most = most.max(error);
+            }
+        }
+        patch.is_estimated = true;
+        patch.highest = class(1, most).unwrap_or(0);
+    }
+}
+
 /// The pixels of a patch, of a size and the whole one's side, tile by tile.
 pub fn by_tiles((width, height): (usize, usize), side: usize) -> impl Iterator<Item = usize> {
     const TILE: usize = TILE_SIDE as usize;
@@ -421,6 +424,7 @@ pub fn next_samples(level: u8) -> Range<usize> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::shown::display_steps;
     use super::*;
     use crate::random::Random;
 

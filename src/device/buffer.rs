@@ -4,8 +4,9 @@ use super::handle::Owned;
 use super::staging::{PART_BYTES, Staging};
 use super::watchdog::{Limit, Watched, watch};
 use super::{DeviceContext, Event};
+use crate::device_info::DeviceKind;
 use crate::error::{Error, Result};
-use crate::parallel;
+use crate::{large_pages, parallel};
 use bytemuck::Pod;
 use opencl3::command_queue::enqueue_write_buffer;
 use opencl3::error_codes::{CL_MAP_FAILURE, ClError};
@@ -151,6 +152,7 @@ impl<T: Pod> Buffer<T> {
     /// [`Error::TooLarge`] over the device's limits, [`Error::OpenCl`] when the driver refuses.
     pub fn from_slice(context: &DeviceContext, what: &str, data: &[T]) -> Result<Self> {
         let buffer = Self::create(context, what, data.len(), CL_MEM_READ_ONLY)?;
+        buffer.ask_for_large_pages()?;
         buffer.write(data)?;
         Ok(buffer)
     }
@@ -161,6 +163,23 @@ impl<T: Pod> Buffer<T> {
     /// [`Error::TooLarge`] over the device's limits, [`Error::OpenCl`] when the driver refuses.
     pub fn empty(context: &DeviceContext, what: &str, len: usize) -> Result<Self> {
         Self::create(context, what, len, CL_MEM_READ_WRITE)
+    }
+
+    /// Like [`Buffer::empty`], of elements that will all be written: in large pages, where the system has them.
+    ///
+    /// # Errors
+    /// See [`Buffer::empty`].
+    pub fn empty_for_all(context: &DeviceContext, what: &str, len: usize) -> Result<Self> {
+        let buffer = Self::empty(context, what, len)?;
+        buffer.ask_for_large_pages()?;
+        Ok(buffer)
+    }
+
+    fn ask_for_large_pages(&self) -> Result<()> {
+        match self.shares_memory() && large_pages::are_worth_it(self.len * size_of::<T>()) {
+            true => self.in_place(self.len, |all| large_pages::ask_for(all)),
+            false => Ok(()),
+        }
     }
 
     /// Like [`Buffer::empty`], but filled with `data`.
@@ -388,6 +407,9 @@ impl<T: Pod> Buffer<T> {
     where
         T: Send + Sync,
     {
+        if self.shares_memory() {
+            return self.in_place(self.len, |all| parallel::map_slice(all, |&element| convert(element)));
+        }
         let bytes = self.len * size_of::<T>();
         if let Some(read) = self.memory.context.staged(bytes, |staging| self.read_by_parts(staging, &convert)) {
             return read;
@@ -414,6 +436,22 @@ impl<T: Pod> Buffer<T> {
             count = next_count;
         }
         Ok(all)
+    }
+
+    /// Whether the device, a processor, has its memory where the host has its own.
+    fn shares_memory(&self) -> bool {
+        self.memory.context.info().kind == DeviceKind::Cpu
+    }
+
+    /// Has `work` look at all elements, after every command before this one is done.
+    ///
+    /// # Errors
+    /// See [`Buffer::read`].
+    pub(super) fn look_at<R>(&self, work: impl FnOnce(&[T]) -> R) -> Result<R>
+    where
+        T: Send + Sync,
+    {
+        if self.shares_memory() { self.in_place(self.len, |all| work(all)) } else { self.read().map(|all| work(&all)) }
     }
 
     /// What `work` makes of the first elements, after every command before this one is done: where the device has them,

@@ -21,7 +21,7 @@ use super::{Buffer, Cache, DeviceContext, DeviceHandle, DeviceInfo, DeviceKind, 
 use crate::blocks::Blocks;
 use crate::error::{Error, Result};
 use crate::features::Features;
-use crate::io::film::Film;
+use crate::io::film::{Film, FilmPlace};
 use crate::layout::Float4;
 use crate::options::{Decisions, Intersector, Kernels, Memory, PacketSize, RayOrder, TraceOptions};
 use crate::pack::SceneBuffers;
@@ -373,29 +373,21 @@ impl Backend for OpenClBackend {
     }
 
     fn render(&mut self, params: &RenderParams, samples: &[CameraSample], progress: Progress) -> Result<RenderResult> {
-        self.prepare(Task::Picture)?;
-        let start = Instant::now();
-        let params = &self.with_samples_apart(params);
-        let samples = Buffer::from_slice(&self.context, "samples", samples)?;
-        let mut launches = self.launches_of(params)?;
-        let picture = PictureBuffers::new(&self.context, params, samples)?;
-        let send_s = start.elapsed().as_secs_f64();
-        let work = self.work_buffer::<PixelWork>(params.film_len())?;
-        // Another part of the same picture begins where the last one ended, not with small launches again.
-        if let Some((_, mut plan)) = self.picture_plan.take().filter(|(key, _)| *key == plan_key(params)) {
-            plan.begin_others();
-            launches.plan = plan;
-        }
-        let rendered = self.render_to(&picture, &work, params, &mut launches, progress)?;
-        self.picture_plan = Some((plan_key(params), launches.plan));
+        let read = |film: &Buffer<Float4>| film.read_as(|pixel| [pixel.x, pixel.y, pixel.z]);
+        let (mut rendered, pixels) = self.render_and_take(params, samples, progress, read)?;
+        rendered.film.pixels = pixels;
+        Ok(rendered)
+    }
 
-        let start = Instant::now();
-        let pixels = picture.film.read_as(|pixel| [pixel.x, pixel.y, pixel.z])?;
-        let (width, height) = params.film_size();
-        let film = Film { width, height, pixels };
-        let work = work.map(|work| work.read()).transpose()?;
-        let read_s = send_s + start.elapsed().as_secs_f64();
-        Ok(RenderResult { work, read_s, ..rendered.with_film(film) })
+    fn render_into(
+        &mut self,
+        params: &RenderParams,
+        samples: &[CameraSample],
+        place: FilmPlace,
+        progress: Progress,
+    ) -> Result<RenderResult> {
+        let put = |film: &Buffer<Float4>| film.look_at(|pixels| place.put(pixels, |pixel| [pixel.x, pixel.y, pixel.z]));
+        Ok(self.render_and_take(params, samples, progress, put)?.0)
     }
 
     fn render_by_error(
@@ -442,7 +434,7 @@ impl OpenClBackend {
         let total = job.rays.len();
         let start = Instant::now();
         let rays = Buffer::from_slice(&self.context, "rays", job.rays)?;
-        let hits = Buffer::<Hit>::empty(&self.context, "hits", total)?;
+        let hits = Buffer::<Hit>::empty_for_all(&self.context, "hits", total)?;
         let directions = Buffer::from_slice(&self.context, "next directions", job.next_directions.unwrap_or_default())?;
         let next_hits = Buffer::<Hit>::empty(&self.context, "next hits", job.next_directions.map_or(0, <[_]>::len))?;
         let ray_work = self.work_buffer::<RayWork>(total)?;
@@ -585,6 +577,39 @@ impl OpenClBackend {
             _ => 16,
         };
         most.min(params.sample_count).max(1)
+    }
+
+    /// Renders a picture, whose pixels `take` takes from the device; the result's film has none.
+    fn render_and_take<T>(
+        &mut self,
+        params: &RenderParams,
+        samples: &[CameraSample],
+        progress: Progress,
+        take: impl FnOnce(&Buffer<Float4>) -> Result<T>,
+    ) -> Result<(RenderResult, T)> {
+        self.prepare(Task::Picture)?;
+        let start = Instant::now();
+        let params = &self.with_samples_apart(params);
+        let samples = Buffer::from_slice(&self.context, "samples", samples)?;
+        let mut launches = self.launches_of(params)?;
+        let picture = PictureBuffers::new(&self.context, params, samples)?;
+        let send_s = start.elapsed().as_secs_f64();
+        let work = self.work_buffer::<PixelWork>(params.film_len())?;
+        // Another part of the same picture begins where the last one ended, not with small launches again.
+        if let Some((_, mut plan)) = self.picture_plan.take().filter(|(key, _)| *key == plan_key(params)) {
+            plan.begin_others();
+            launches.plan = plan;
+        }
+        let rendered = self.render_to(&picture, &work, params, &mut launches, progress)?;
+        self.picture_plan = Some((plan_key(params), launches.plan));
+
+        let start = Instant::now();
+        let taken = take(&picture.film)?;
+        let (width, height) = params.film_size();
+        let work = work.map(|work| work.read()).transpose()?;
+        let read_s = send_s + start.elapsed().as_secs_f64();
+        let film = Film { width, height, pixels: Vec::new() };
+        Ok((RenderResult { work, read_s, ..rendered.with_film(film) }, taken))
     }
 
     /// Renders into the film of `picture`.

@@ -139,7 +139,7 @@ fn on_curve(linear: f32, max: u16) -> u16 {
 /// The display values of [`on_curve`] without its powers: the curve rises, so that a value is the number of those light
 /// values at which the next one begins that are not above the light.
 struct DisplayValues {
-    /// For each display value but the last, the least light that has the next one.
+    /// For each display value the least light that has the next one; none has one behind the last.
     next: Vec<f32>,
     /// By the upper bits of light, how many of `next` are not above the least light with these bits.
     below: Vec<u16>,
@@ -151,7 +151,8 @@ impl DisplayValues {
     const SHIFT: u32 = 16;
 
     fn new(max: u16) -> Self {
-        let next: Vec<f32> = (0..max).map(|value| Self::least_above(value, max)).collect();
+        let least = (0..max).map(|value| Self::least_above(value, max));
+        let next: Vec<f32> = least.chain([f32::INFINITY]).collect();
         let buckets = (1.0_f32.to_bits() >> Self::SHIFT) + 1;
         let below = |bucket: u32| {
             let least = f32::from_bits(bucket << Self::SHIFT);
@@ -174,10 +175,22 @@ impl DisplayValues {
         light
     }
 
-    /// One channel as a display value: NaN, infinities and negative values are 0, what is above 1 is the last.
-    fn of(&self, linear: f32) -> u16 {
+    /// The light of one channel, and its bucket: NaN, infinities and negative values are 0, what is above 1 is 1.
+    fn place(linear: f32) -> (f32, usize) {
         let light = if linear.is_finite() && linear > 0.0 { linear.min(1.0) } else { 0.0 };
-        let bucket = (light.to_bits() >> Self::SHIFT) as usize;
+        (light, (light.to_bits() >> Self::SHIFT) as usize)
+    }
+
+    /// One channel as a display value of 8 bits.
+    fn of_8(&self, linear: f32) -> u8 {
+        let (light, bucket) = Self::place(linear);
+        let first = self.below[bucket];
+        first as u8 + u8::from(self.next[usize::from(first)] <= light)
+    }
+
+    /// One channel as a display value.
+    fn of(&self, linear: f32) -> u16 {
+        let (light, bucket) = Self::place(linear);
         let (first, end) = (self.below[bucket], self.below[bucket + 1]);
         let within = &self.next[usize::from(first)..usize::from(end)];
         first + within.partition_point(|&next| next <= light) as u16
@@ -190,7 +203,7 @@ static DISPLAY_16: LazyLock<DisplayValues> = LazyLock::new(|| DisplayValues::new
 /// As [`Film::to_srgb8`].
 pub(super) fn srgb8(pixels: &[[f32; 3]]) -> Vec<[u8; 3]> {
     let values = &*DISPLAY_8;
-    parallel::map_slice(pixels, |pixel| pixel.map(|c| values.of(c) as u8))
+    parallel::map_slice(pixels, |pixel| pixel.map(|c| values.of_8(c)))
 }
 
 /// As [`Film::to_srgb16`].
@@ -214,6 +227,35 @@ pub fn expose(pixels: &mut [[f32; 3]], stops: f32) -> Result<()> {
     let factor = f64::from(stops).exp2() as f32;
     parallel::each_mut(pixels, |_, pixel| *pixel = pixel.map(|light| light * factor));
     Ok(())
+}
+
+/// Where some pixels of a picture lie, in its rows from the first of theirs on.
+pub struct FilmPlace<'a> {
+    /// Those rows.
+    pub rows: &'a mut [[f32; 3]],
+    /// Pixels of a row.
+    pub width: usize,
+    /// Their first column.
+    pub column: usize,
+    /// Pixels of a row that are theirs.
+    pub columns: usize,
+}
+
+impl FilmPlace<'_> {
+    /// The same, borrowed once more.
+    pub fn again(&mut self) -> FilmPlace<'_> {
+        FilmPlace { rows: &mut *self.rows, ..*self }
+    }
+
+    /// Puts what `convert` makes of pixels there, which are row by row.
+    pub fn put<T: Sync>(self, pixels: &[T], convert: impl Fn(&T) -> [f32; 3] + Sync) {
+        let FilmPlace { rows, width, column, columns } = self;
+        parallel::each(rows.chunks_mut(width).zip(pixels.chunks(columns)), |(row, pixels)| {
+            for (pixel, from) in row[column..column + columns].iter_mut().zip(pixels) {
+                *pixel = convert(from);
+            }
+        });
+    }
 }
 
 impl Film {
@@ -427,10 +469,15 @@ mod tests {
         let mut random = Random::new(8);
         for (values, max) in [(&*DISPLAY_8, u16::from(u8::MAX)), (&*DISPLAY_16, u16::MAX)] {
             // Where a value ends and the next begins, and lights of all magnitudes.
-            let ends = values.next.iter().flat_map(|&next| [next.next_down(), next, next.next_up()]);
+            let ends =
+                values.next[..usize::from(max)].iter().flat_map(|&next| [next.next_down(), next, next.next_up()]);
             let others = (0..200_000).map(|_| f32::from_bits((random.bits() as u32) % (1.0_f32.to_bits() + 1)));
             for light in ends.chain(others).chain([0.0, -0.0, 1.0]) {
-                assert_eq!(values.of(light), on_curve(light.min(1.0), max), "{light:e} of {max}");
+                let expected = on_curve(light.min(1.0), max);
+                assert_eq!(values.of(light), expected, "{light:e} of {max}");
+                if max == u8::MAX.into() {
+                    assert_eq!(u16::from(values.of_8(light)), expected, "{light:e} of 8 bits");
+                }
             }
         }
     }

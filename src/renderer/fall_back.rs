@@ -4,6 +4,7 @@
 
 use crate::blocks::Blocks;
 use crate::error::{Error, Result};
+use crate::io::film::FilmPlace;
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
 use crate::reference::ReferenceBackend;
@@ -38,7 +39,7 @@ impl FallBack {
     }
 
     /// Has the tracer do something, and the reference if that loses the device.
-    fn done<T>(&mut self, call: impl Fn(&mut dyn Backend) -> Result<T>) -> Result<T> {
+    fn done<T>(&mut self, mut call: impl FnMut(&mut dyn Backend) -> Result<T>) -> Result<T> {
         match call(self.tracer.as_mut()) {
             Err(error) if self.lost.is_none() && error.is_lost_device() => {
                 self.lose(&error)?;
@@ -125,6 +126,16 @@ impl Backend for FallBack {
 
     fn render(&mut self, params: &RenderParams, samples: &[CameraSample], progress: Progress) -> Result<RenderResult> {
         self.done(|tracer| tracer.render(params, samples, progress))
+    }
+
+    fn render_into(
+        &mut self,
+        params: &RenderParams,
+        samples: &[CameraSample],
+        mut place: FilmPlace,
+        progress: Progress,
+    ) -> Result<RenderResult> {
+        self.done(|tracer| tracer.render_into(params, samples, place.again(), progress))
     }
 
     fn render_by_error(
