@@ -424,6 +424,12 @@ pub trait Backend: Send {
         true
     }
 
+    /// The most pixels of a picture that it is best given at a time. A processor is sooner done with few, each time in
+    /// the same memory, than with a film that its caches do not hold.
+    fn pixels_at_a_time(&self) -> u64 {
+        u64::MAX
+    }
+
     /// Has calls end with [`Error::Stopped`] as soon as `stop` is true: between two launches, which are short from now
     /// on ([`STOPPABLE_LAUNCH_S`]). The tracer is as good as before; `stop` is to be false again before the next call.
     /// It takes the place of the flag that did so before. Who wants long launches unwinds through [`Progress`].

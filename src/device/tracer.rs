@@ -30,7 +30,7 @@ use crate::reference::extreme::{all_extreme, answer_extreme};
 use crate::shared::{COUNTERS, CameraSample, Hit, Light, RenderParams};
 use crate::tracer::{
     Adaptive, AllHits, AllHitsJob, Backend, Candidates, CandidatesJob, Progress, RayStream, RenderResult, Spent, Task,
-    TraceJob, TraceResult, check_lights,
+    TraceJob, TraceResult, check_lights, rays_in_caches,
 };
 use crate::work::{PixelWork, RayWork};
 use bytemuck::Pod;
@@ -266,6 +266,14 @@ impl Backend for OpenClBackend {
 
     fn has_clock(&self) -> bool {
         self.context.has_clock()
+    }
+
+    fn pixels_at_a_time(&self) -> u64 {
+        match self.context.info().kind {
+            // Pictures of 2^24 pixels with a sample each took .90 of the time of 2^23 at a time, with four .92 to .95.
+            DeviceKind::Cpu => 4 * rays_in_caches() as u64,
+            _ => u64::MAX,
+        }
     }
 
     fn stop_when(&mut self, stop: Arc<AtomicBool>) {

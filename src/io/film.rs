@@ -139,7 +139,7 @@ fn on_curve(linear: f32, max: u16) -> u16 {
 /// The display values of [`on_curve`] without its powers: the curve rises, so that a value is the number of those light
 /// values at which the next one begins that are not above the light.
 struct DisplayValues {
-    /// For each display value the least light that has the next one; none has one behind the last.
+    /// For each display value but the last, the least light that has the next one.
     next: Vec<f32>,
     /// By the upper bits of light, how many of `next` are not above the least light with these bits.
     below: Vec<u16>,
@@ -151,8 +151,7 @@ impl DisplayValues {
     const SHIFT: u32 = 16;
 
     fn new(max: u16) -> Self {
-        let least = (0..max).map(|value| Self::least_above(value, max));
-        let next: Vec<f32> = least.chain([f32::INFINITY]).collect();
+        let next: Vec<f32> = (0..max).map(|value| Self::least_above(value, max)).collect();
         let buckets = (1.0_f32.to_bits() >> Self::SHIFT) + 1;
         let below = |bucket: u32| {
             let least = f32::from_bits(bucket << Self::SHIFT);
@@ -175,35 +174,46 @@ impl DisplayValues {
         light
     }
 
-    /// The light of one channel, and its bucket: NaN, infinities and negative values are 0, what is above 1 is 1.
-    fn place(linear: f32) -> (f32, usize) {
-        let light = if linear.is_finite() && linear > 0.0 { linear.min(1.0) } else { 0.0 };
-        (light, (light.to_bits() >> Self::SHIFT) as usize)
-    }
-
-    /// One channel as a display value of 8 bits.
-    fn of_8(&self, linear: f32) -> u8 {
-        let (light, bucket) = Self::place(linear);
-        let first = self.below[bucket];
-        first as u8 + u8::from(self.next[usize::from(first)] <= light)
-    }
-
-    /// One channel as a display value.
+    /// One channel as a display value: NaN, infinities and negative values are 0, what is above 1 is the last.
     fn of(&self, linear: f32) -> u16 {
-        let (light, bucket) = Self::place(linear);
+        let light = if linear.is_finite() && linear > 0.0 { linear.min(1.0) } else { 0.0 };
+        let bucket = (light.to_bits() >> Self::SHIFT) as usize;
         let (first, end) = (self.below[bucket], self.below[bucket + 1]);
         let within = &self.next[usize::from(first)..usize::from(end)];
         first + within.partition_point(|&next| next <= light) as u16
     }
 }
 
-static DISPLAY_8: LazyLock<DisplayValues> = LazyLock::new(|| DisplayValues::new(u8::MAX.into()));
+/// The same of 8 bits, without a branch: lights are compared as whole numbers, and a bucket has one value or two.
+struct DisplayBytes {
+    /// For each bucket its first value, and the bits of the least light that has the next one.
+    buckets: Vec<(u32, u8)>,
+}
+
+impl DisplayBytes {
+    fn new() -> Self {
+        let DisplayValues { next, below } = DisplayValues::new(u8::MAX.into());
+        let least = |first: u16| next.get(usize::from(first)).map_or(u32::MAX, |next| next.to_bits());
+        DisplayBytes { buckets: below.into_iter().map(|first| (least(first), first as u8)).collect() }
+    }
+
+    /// As [`DisplayValues::of`].
+    fn of(&self, linear: f32) -> u8 {
+        let bits = linear.to_bits();
+        // Not of NaN, infinity and what has a sign.
+        let light = if bits < f32::INFINITY.to_bits() { bits.min(1.0_f32.to_bits()) } else { 0 };
+        let (least, first) = self.buckets[(light >> DisplayValues::SHIFT) as usize];
+        first + u8::from(least <= light)
+    }
+}
+
+static DISPLAY_8: LazyLock<DisplayBytes> = LazyLock::new(DisplayBytes::new);
 static DISPLAY_16: LazyLock<DisplayValues> = LazyLock::new(|| DisplayValues::new(u16::MAX));
 
 /// As [`Film::to_srgb8`].
 pub(super) fn srgb8(pixels: &[[f32; 3]]) -> Vec<[u8; 3]> {
     let values = &*DISPLAY_8;
-    parallel::map_slice(pixels, |pixel| pixel.map(|c| values.of_8(c)))
+    parallel::map_slice(pixels, |pixel| pixel.map(|c| values.of(c)))
 }
 
 /// As [`Film::to_srgb16`].
@@ -460,25 +470,26 @@ mod tests {
             assert_eq!(DISPLAY_16.of(linear as f32), code);
         }
         for code in 0..=255_u8 {
-            assert_eq!(DISPLAY_8.of(linear_from_srgb(f64::from(code) / 255.0) as f32), u16::from(code));
+            assert_eq!(DISPLAY_8.of(linear_from_srgb(f64::from(code) / 255.0) as f32), code);
         }
     }
 
     #[test]
     fn display_values_are_those_of_the_curve() {
+        check_display_values(&DISPLAY_16, u16::MAX, |light| DISPLAY_16.of(light));
+        check_display_values(&DisplayValues::new(u8::MAX.into()), u8::MAX.into(), |light| DISPLAY_8.of(light).into());
+    }
+
+    fn check_display_values(values: &DisplayValues, max: u16, of: impl Fn(f32) -> u16) {
         let mut random = Random::new(8);
-        for (values, max) in [(&*DISPLAY_8, u16::from(u8::MAX)), (&*DISPLAY_16, u16::MAX)] {
-            // Where a value ends and the next begins, and lights of all magnitudes.
-            let ends =
-                values.next[..usize::from(max)].iter().flat_map(|&next| [next.next_down(), next, next.next_up()]);
-            let others = (0..200_000).map(|_| f32::from_bits((random.bits() as u32) % (1.0_f32.to_bits() + 1)));
-            for light in ends.chain(others).chain([0.0, -0.0, 1.0]) {
-                let expected = on_curve(light.min(1.0), max);
-                assert_eq!(values.of(light), expected, "{light:e} of {max}");
-                if max == u8::MAX.into() {
-                    assert_eq!(u16::from(values.of_8(light)), expected, "{light:e} of 8 bits");
-                }
-            }
+        // Where a value ends and the next begins, and lights of all magnitudes.
+        let ends = values.next.iter().flat_map(|&next| [next.next_down(), next, next.next_up()]);
+        let others = (0..200_000).map(|_| f32::from_bits((random.bits() as u32) % (1.0_f32.to_bits() + 1)));
+        for light in ends.chain(others).chain([0.0, -0.0, 1.0, 1.5, f32::MAX, f32::MIN_POSITIVE, 1e-45]) {
+            assert_eq!(of(light), on_curve(light.min(1.0), max), "{light:e} of {max}");
+        }
+        for light in [f32::NAN, -f32::NAN, f32::INFINITY, f32::NEG_INFINITY, -1.0, -1e-45] {
+            assert_eq!(of(light), 0, "{light:e} of {max}");
         }
     }
 

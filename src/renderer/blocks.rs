@@ -315,6 +315,8 @@ struct Groups<'a> {
     rows: u32,
     wanted: &'a [usize],
     samples: Vec<CameraSample>,
+    /// The most pixels that are traced together.
+    most_pixels: u64,
 }
 
 impl<'a> Groups<'a> {
@@ -329,7 +331,7 @@ impl<'a> Groups<'a> {
     /// How many bands are traced together at a pace.
     fn at_once(&self, pace: Pace) -> usize {
         let pixels = self.pixels_of_band();
-        (pace.unwrap_or(FIRST_RAYS) / self.rays_of_band()).min(GROUP_PIXELS / pixels).max(1) as usize
+        (pace.unwrap_or(FIRST_RAYS) / self.rays_of_band()).min(self.most_pixels / pixels).max(1) as usize
     }
 
     /// Traces all bands, and hands each group on as soon as it is traced.
@@ -399,7 +401,8 @@ fn render_bands(
     done: Done,
     progress: Progress,
 ) -> Result<RenderResult> {
-    let groups = Groups { params, blocks, rows, wanted, samples: sample_positions(blocks.samples) };
+    let most_pixels = tracer.pixels_at_a_time().min(GROUP_PIXELS);
+    let groups = Groups { params, blocks, rows, wanted, samples: sample_positions(blocks.samples), most_pixels };
     let keeps_film = film.is_some();
     let mut result = RenderResult::of_film(film.unwrap_or_else(Film::none));
     let mut take = |Group { numbers, place, traced }: Group| {
@@ -447,6 +450,25 @@ mod tests {
             [Samples::PerPixel(1), Samples::PerPixel(64), Samples::Corners, Samples::Error(1.0), Samples::Error(4.0)];
         let parts = [None, Some(part)];
         samples.iter().flat_map(|&samples| parts.map(|part| PictureBlocks::new(size, samples, part))).collect()
+    }
+
+    #[test]
+    fn as_many_bands_are_traced_together_as_there_is_room_for() {
+        let blocks = PictureBlocks::new((4096, 4096), Samples::PerPixel(1), None);
+        let Cut::Bands(rows) = blocks.cut else { panic!("{blocks:?}") };
+        let (params, wanted, samples) = (RenderParams::default(), blocks.numbers(), sample_positions(blocks.samples));
+        let mut groups = Groups { params: &params, blocks: &blocks, rows, wanted: &wanted, samples, most_pixels: 0 };
+        let band = groups.pixels_of_band();
+        for (most_pixels, pace, expected) in [
+            (GROUP_PIXELS, Some(u64::MAX), GROUP_PIXELS / band),
+            (1 << 20, Some(u64::MAX), (1 << 20) / band),
+            (1 << 20, Some(3 * band), 3),
+            (1 << 20, Some(1), 1),
+            (1, Some(u64::MAX), 1),
+        ] {
+            groups.most_pixels = most_pixels;
+            assert_eq!(groups.at_once(pace) as u64, expected, "{most_pixels} pixels at a pace of {pace:?}");
+        }
     }
 
     #[test]

@@ -93,6 +93,10 @@ impl Backend for FallBack {
         self.tracer.has_clock()
     }
 
+    fn pixels_at_a_time(&self) -> u64 {
+        self.tracer.pixels_at_a_time()
+    }
+
     fn stop_when(&mut self, stop: Arc<AtomicBool>) {
         self.stop = Some(stop.clone());
         self.tracer.stop_when(stop);
