@@ -24,8 +24,8 @@ pub(crate) fn try_repeat<T: Clone>(value: T, count: usize) -> std::result::Resul
     Ok(values)
 }
 
-/// `count` zeros, or none when the system has no memory for them. It gives them when they are first touched: by all
-/// cores, and not by one in advance.
+/// `count` zeros, all of which will be written, or none when the system has no memory for them. It gives them when they
+/// are first touched: by all cores, and not by one in advance.
 pub(crate) fn try_zeros<T: Zeroable>(count: usize) -> Option<Vec<T>> {
     let mut zeros = try_zeroed_vec(count).ok()?;
     large_pages::ask_for(&mut zeros);

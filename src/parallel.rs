@@ -7,7 +7,6 @@
 //! Results are in order and do not depend on the number of threads, as long as what is merged may be merged in any
 //! groups.
 
-use crate::large_pages;
 use rayon::prelude::*;
 use std::mem::MaybeUninit;
 use std::ptr;
@@ -98,7 +97,6 @@ pub fn extend<T: Send>(values: &mut Vec<T>, count: usize, value: impl Fn(usize) 
     values.reserve(count);
     let (part, before) = (part_of(count), values.len());
     let room: &mut [MaybeUninit<T>] = &mut values.spare_capacity_mut()[..count];
-    large_pages::ask_for(room);
     each(room.chunks_mut(part).enumerate(), |(number, room)| {
         for (i, room) in (number * part..).zip(room) {
             room.write(value(i));
@@ -120,7 +118,6 @@ pub fn extend_by_pieces<T: Copy + Send>(
     let (count, before) = (lengths.iter().sum(), values.len());
     values.reserve(count);
     let mut room: &mut [MaybeUninit<T>] = &mut values.spare_capacity_mut()[..count];
-    large_pages::ask_for(room);
     let pieces = lengths.iter().map(|&length| {
         let (now, later) = std::mem::take(&mut room).split_at_mut(length);
         room = later;
@@ -187,7 +184,6 @@ pub fn filled<T: Copy + Send, R>(
 ) -> (R, Option<Vec<T>>) {
     let mut values = Vec::with_capacity(count);
     let room: &mut [MaybeUninit<T>] = &mut values.spare_capacity_mut()[..count];
-    large_pages::ask_for(room);
     let pieces = room.chunks_mut(length).map(|values| Mutex::new(RoomOfPiece { values, is_full: false }));
     let room = Room { pieces: pieces.collect(), length };
     let done = fill(&room);

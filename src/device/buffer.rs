@@ -6,7 +6,7 @@ use super::watchdog::{Limit, Watched, watch};
 use super::{DeviceContext, Event};
 use crate::device_info::DeviceKind;
 use crate::error::{Error, Result};
-use crate::{large_pages, parallel};
+use crate::parallel;
 use bytemuck::Pod;
 use opencl3::command_queue::enqueue_write_buffer;
 use opencl3::error_codes::{CL_MAP_FAILURE, ClError};
@@ -152,7 +152,6 @@ impl<T: Pod> Buffer<T> {
     /// [`Error::TooLarge`] over the device's limits, [`Error::OpenCl`] when the driver refuses.
     pub fn from_slice(context: &DeviceContext, what: &str, data: &[T]) -> Result<Self> {
         let buffer = Self::create(context, what, data.len(), CL_MEM_READ_ONLY)?;
-        buffer.ask_for_large_pages()?;
         buffer.write(data)?;
         Ok(buffer)
     }
@@ -163,23 +162,6 @@ impl<T: Pod> Buffer<T> {
     /// [`Error::TooLarge`] over the device's limits, [`Error::OpenCl`] when the driver refuses.
     pub fn empty(context: &DeviceContext, what: &str, len: usize) -> Result<Self> {
         Self::create(context, what, len, CL_MEM_READ_WRITE)
-    }
-
-    /// Like [`Buffer::empty`], of elements that will all be written: in large pages, where the system has them.
-    ///
-    /// # Errors
-    /// See [`Buffer::empty`].
-    pub fn empty_for_all(context: &DeviceContext, what: &str, len: usize) -> Result<Self> {
-        let buffer = Self::empty(context, what, len)?;
-        buffer.ask_for_large_pages()?;
-        Ok(buffer)
-    }
-
-    fn ask_for_large_pages(&self) -> Result<()> {
-        match self.shares_memory() && large_pages::are_worth_it(self.len * size_of::<T>()) {
-            true => self.in_place(self.len, |all| large_pages::ask_for(all)),
-            false => Ok(()),
-        }
     }
 
     /// Like [`Buffer::empty`], but filled with `data`.

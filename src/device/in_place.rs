@@ -29,8 +29,8 @@ impl Place {
     pub fn new(context: &DeviceContext, defers: bool, stream: &RayStream) -> Result<Place> {
         let rays = rays_of_part(stream);
         Ok(Place {
-            rays: Buffer::empty_for_all(context, "rays", rays)?,
-            hits: Buffer::empty_for_all(context, "hits", rays)?,
+            rays: Buffer::empty(context, "rays", rays)?,
+            hits: Buffer::empty(context, "hits", rays)?,
             deferred: Deferred::new(context, defers, rays)?,
             rows: Rows::default(),
             sort_room: SortRoom::default(),

@@ -28,7 +28,7 @@ impl PictureBuffers {
         Ok(PictureBuffers {
             params: Buffer::from_slice(context, "picture parameters", &[*params])?,
             samples,
-            film: Buffer::empty_for_all(context, "picture", params.film_len())?,
+            film: Buffer::empty(context, "picture", params.film_len())?,
             radiances: Buffer::empty(context, "samples of a launch", params.samples_apart as usize)?,
             counters: Buffer::read_write(context, "counters", &NO_COUNTS)?,
         })
