@@ -4,8 +4,8 @@
 /// What is smaller the C library mostly keeps when it is given back, and hands out again with the pages that it has.
 const LEAST_BYTES: usize = 32 << 20;
 
-/// Asks the system for large pages where `memory` lies, which will be written as a whole: the rest of what is written in
-/// part would be had in vain. Where the system has none, or gives them anyway, nothing changes.
+/// Asks the system for large pages where `memory` lies, which will be written as a whole: of what is written in part
+/// the rest would be had in vain. Where the system has none, or gives them anyway, nothing changes.
 pub fn ask_for<T>(memory: &mut [T]) {
     if size_of_val(memory) >= LEAST_BYTES {
         ask_for_bytes(memory.as_mut_ptr().cast(), size_of_val(memory));
