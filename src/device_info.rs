@@ -121,6 +121,11 @@ impl DeviceInfo {
         self.unusable.is_none()
     }
 
+    /// Whether its memory is the host's.
+    pub(crate) fn shares_host_memory(&self) -> bool {
+        self.kind == DeviceKind::Cpu
+    }
+
     /// Whether the driver is PoCL.
     pub(crate) fn is_pocl(&self) -> bool {
         self.platform_name == POCL

@@ -17,7 +17,7 @@ pub use stored::{RowsInOrder, StoredBlocks};
 use crate::adaptive::{PART_PIXELS, estimated_bytes, sample_sequence};
 use crate::blocks::LARGEST_PATCH;
 use crate::budget::MemoryBudget;
-use crate::device::{Cache, CompiledAhead, DeviceHandle, DeviceKind, OpenClBackend};
+use crate::device::{Cache, CompiledAhead, DeviceHandle, OpenClBackend};
 use crate::error::Result;
 use crate::features::Features;
 use crate::io::film::{Film, ImageFormat};
@@ -86,7 +86,7 @@ pub fn build_and_open_within(
     tasks: &[Task],
     budget: &MemoryBudget,
 ) -> Result<(Arc<SceneBuffers>, Box<dyn Backend>)> {
-    if device.is_some_and(shares_host_memory) {
+    if device.is_some_and(|device| device.info.shares_host_memory()) {
         SceneBuffers::check_memory(scene, options, budget, COMPILER_BYTES)?;
     }
     let (buffers, ahead) = std::thread::scope(|scope| {
@@ -202,7 +202,9 @@ pub fn bytes_of_rows((width, height): (u32, u32), format: ImageFormat) -> u64 {
 /// What is known of the pixels beside their light.
 fn sampling_bytes(size: (u32, u32), samples: Samples, options: &TraceOptions, device: Option<&DeviceHandle>) -> u64 {
     match (samples, options.counters) {
-        (Samples::Error(_), counters) => estimated_bytes(size, counters, device.is_some_and(shares_host_memory)),
+        (Samples::Error(_), counters) => {
+            estimated_bytes(size, counters, device.is_some_and(|device| device.info.shares_host_memory()))
+        }
         (_, true) => 2 * size_of::<PixelWork>() as u64 * u64::from(size.0) * u64::from(size.1),
         (_, false) => 0,
     }
@@ -214,7 +216,7 @@ fn device_bytes(pixels: u64, options: &TraceOptions, device: Option<&DeviceHandl
         Kernels::Mega => DEVICE_PIXEL_BYTES * pixels,
         Kernels::Wavefront => DEVICE_PIXEL_BYTES * pixels + WAVEFRONT_BYTES.min(WAVEFRONT_PIXEL_BYTES * pixels),
     };
-    RUN_BYTES + if device.is_some_and(shares_host_memory) { DRIVER_BYTES + of_device } else { 0 }
+    RUN_BYTES + if device.is_some_and(|device| device.info.shares_host_memory()) { DRIVER_BYTES + of_device } else { 0 }
 }
 
 /// From how many bytes of pixels on a picture is large: all else of one takes no more, so that a picture which is not
@@ -224,11 +226,6 @@ pub const LARGE_FROM: u64 = 512 << 20;
 /// Whether a picture of this size is so large that it should not be in memory whole.
 pub fn is_large(size: (u32, u32)) -> bool {
     Film::PIXEL_BYTES * u64::from(size.0) * u64::from(size.1) > LARGE_FROM
-}
-
-/// Whether the memory of `device` is the host's.
-fn shares_host_memory(device: &DeviceHandle) -> bool {
-    device.info.kind == DeviceKind::Cpu
 }
 
 /// A picture to render.

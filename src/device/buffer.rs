@@ -4,7 +4,6 @@ use super::handle::Owned;
 use super::staging::{PART_BYTES, Staging};
 use super::watchdog::{Limit, Watched, watch};
 use super::{DeviceContext, Event};
-use crate::device_info::DeviceKind;
 use crate::error::{Error, Result};
 use crate::parallel;
 use bytemuck::Pod;
@@ -380,8 +379,9 @@ impl<T: Pod> Buffer<T> {
 
     /// What `convert` makes of each element, after every command before this one is done.
     ///
-    /// Part by part through a small array, and from there on all cores: where the memory of the result is new, most of
-    /// the time goes into getting it from the operating system, and a transfer alone does that on one core.
+    /// Where they lie, if the device shares memory with the host; else part by part through a small array. Either way
+    /// on all cores: where the memory of the result is new, most of the time goes into getting it from the operating
+    /// system, and a transfer alone does that on one core.
     ///
     /// # Errors
     /// See [`Buffer::read`].
@@ -389,7 +389,7 @@ impl<T: Pod> Buffer<T> {
     where
         T: Send + Sync,
     {
-        if self.shares_memory() {
+        if self.shares_host_memory() {
             return self.in_place(self.len, |all| parallel::map_slice(all, |&element| convert(element)));
         }
         let bytes = self.len * size_of::<T>();
@@ -420,12 +420,12 @@ impl<T: Pod> Buffer<T> {
         Ok(all)
     }
 
-    /// Whether the device, a processor, has its memory where the host has its own.
-    fn shares_memory(&self) -> bool {
-        self.memory.context.info().kind == DeviceKind::Cpu
+    fn shares_host_memory(&self) -> bool {
+        self.memory.context.info().shares_host_memory()
     }
 
-    /// Has `work` look at all elements, after every command before this one is done.
+    /// Has `work` look at all elements, after every command before this one is done: where they lie, or once they are
+    /// read.
     ///
     /// # Errors
     /// See [`Buffer::read`].
@@ -433,7 +433,11 @@ impl<T: Pod> Buffer<T> {
     where
         T: Send + Sync,
     {
-        if self.shares_memory() { self.in_place(self.len, |all| work(all)) } else { self.read().map(|all| work(&all)) }
+        if self.shares_host_memory() {
+            self.in_place(self.len, |all| work(all))
+        } else {
+            self.read().map(|all| work(&all))
+        }
     }
 
     /// What `work` makes of the first elements, after every command before this one is done: where the device has them,
