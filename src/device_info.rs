@@ -1,5 +1,6 @@
 //! What a device says about itself: data that choices are made by, without OpenCL.
 
+use crate::parallel::rays_in_caches;
 use serde::Serialize;
 use std::fmt;
 
@@ -124,6 +125,16 @@ impl DeviceInfo {
     /// Whether its memory is the host's.
     pub(crate) fn shares_host_memory(&self) -> bool {
         self.kind == DeviceKind::Cpu
+    }
+
+    /// The most pixels of a picture that it is best given at a time. A processor is sooner done with few, each time in
+    /// the same memory, than with a film that its caches do not hold.
+    pub(crate) fn pixels_at_a_time(&self) -> u64 {
+        match self.shares_host_memory() {
+            // On two cores pictures of 2^24 pixels took .90 of the time of parts of 2^23, with four samples .92.
+            true => 4 * rays_in_caches() as u64,
+            false => u64::MAX,
+        }
     }
 
     /// Whether the driver is PoCL.

@@ -20,6 +20,13 @@ const MOST_OF_PART: usize = 4096;
 /// Parts for each thread, where there are few things: some may take much longer than others.
 const PARTS_OF_THREAD: usize = 16;
 
+/// Rays that a processor's cores go over at a time, again and again in the same memory, which caches hold. On two
+/// cores 8 million camera rays in runs of 2^16 to 2^21 took 0.73, 0.72, 0.60, 0.60, 0.76 and 0.89 of the time that all
+/// at once took; on sixteen 4 million in parts of 2^18 to 2^22 29, 23.6, 21.2, 18.2 and 18.6 ms.
+pub fn rays_in_caches() -> usize {
+    (rayon::current_num_threads() << 17).clamp(1 << 18, 1 << 22)
+}
+
 /// How many of `count` things a thread takes at once.
 fn part_of(count: usize) -> usize {
     count.div_ceil(PARTS_OF_THREAD * rayon::current_num_threads()).clamp(1, MOST_OF_PART)

@@ -159,11 +159,7 @@ pub fn picture_bytes(
     format: Option<ImageFormat>,
 ) -> u64 {
     let pixels = u64::from(size.0) * u64::from(size.1);
-    let on_device = match samples {
-        // The host keeps the pixels, and has them rendered in parts.
-        Samples::Error(_) if options.picture.decisions != Decisions::Device => pixels.min(PART_PIXELS as u64),
-        _ => pixels,
-    };
+    let on_device = pixels.min(most_on_device(samples, options, device));
     let of_file = format.map_or(0, |format| writing_bytes(format, pixels));
     let of_sampling = sampling_bytes(size, samples, options, device);
     Film::PIXEL_BYTES * pixels + of_sampling.max(of_file) + device_bytes(on_device, options, device)
@@ -178,7 +174,7 @@ pub fn picture_bytes_by_rows(
     (device, devices): (Option<&DeviceHandle>, usize),
     format: Option<ImageFormat>,
 ) -> u64 {
-    let in_flight = PictureBlocks::new(size, samples, part).in_flight();
+    let in_flight = PictureBlocks::new(size, samples, part).in_flight(most_on_device(samples, options, device));
     let of_file = format.map_or(0, |format| bytes_of_rows(part.map_or(size, |part| part.size), format));
     // Blocks of areas are gathered before they are appended to a journal; bands are traced while those before them are
     // taken.
@@ -189,7 +185,8 @@ pub fn picture_bytes_by_rows(
         _ => (2 * in_flight * devices as u64 + waiting).min(u64::from(width) * u64::from(height)),
     };
     let of_blocks = Film::PIXEL_BYTES * of_film + sampling_bytes(size, samples, options, device);
-    of_blocks + of_file + device_bytes(in_flight, options, device)
+    let on_device = in_flight.min(most_on_device(samples, options, device));
+    of_blocks + of_file + device_bytes(on_device, options, device)
 }
 
 /// About how many bytes it takes at the most to write a picture from journals.
@@ -207,6 +204,17 @@ fn sampling_bytes(size: (u32, u32), samples: Samples, options: &TraceOptions, de
         }
         (_, true) => 2 * size_of::<PixelWork>() as u64 * u64::from(size.0) * u64::from(size.1),
         (_, false) => 0,
+    }
+}
+
+/// The most pixels that the host has a device render at a time.
+fn most_on_device(samples: Samples, options: &TraceOptions, device: Option<&DeviceHandle>) -> u64 {
+    match samples {
+        // The host keeps the pixels, and has them rendered in parts.
+        Samples::Error(_) if options.picture.decisions != Decisions::Device => PART_PIXELS as u64,
+        // What is counted of each pixel comes in one piece.
+        _ if options.counters => u64::MAX,
+        _ => device.map_or(u64::MAX, |device| device.info.pixels_at_a_time()),
     }
 }
 

@@ -15,6 +15,7 @@ use crate::options::Decisions;
 use crate::options::TraceOptions;
 use crate::pack::SceneBuffers;
 use crate::parallel;
+pub use crate::parallel::rays_in_caches;
 use crate::shared::{COUNTERS, CameraSample, Hit, Light, NO_PRIMITIVE, RenderParams, TraceRay};
 use crate::work::{PixelWork, RayWork};
 use glam::Vec3;
@@ -112,13 +113,6 @@ pub struct RayStream<'a> {
 impl RayStream<'_> {
     /// Rays of a piece.
     pub const PIECE: usize = 1 << 12;
-}
-
-/// Rays that a processor's cores go over at a time, again and again in the same memory, which caches hold. On two
-/// cores 8 million camera rays in runs of 2^16 to 2^21 took 0.73, 0.72, 0.60, 0.60, 0.76 and 0.89 of the time that all
-/// at once took; on sixteen 4 million in parts of 2^18 to 2^22 29, 23.6, 21.2, 18.2 and 18.6 ms.
-pub fn rays_in_caches() -> usize {
-    (rayon::current_num_threads() << 17).clamp(1 << 18, 1 << 22)
 }
 
 /// A rendered picture and what it took.
@@ -424,8 +418,7 @@ pub trait Backend: Send {
         true
     }
 
-    /// The most pixels of a picture that it is best given at a time. A processor is sooner done with few, each time in
-    /// the same memory, than with a film that its caches do not hold.
+    /// The most pixels of a picture that it is best given at a time: those that a processor's caches hold.
     fn pixels_at_a_time(&self) -> u64 {
         u64::MAX
     }

@@ -62,7 +62,7 @@ double8 unit_of_axis8(const float8* corners, const float8* origin, uint axis) {
                                     smaller8(unit8(corners[6u + axis]), unit8(origin[axis]))));
 }
 // A call: Oclgrind 21.10 does not know what clang tells of such a result where it is inlined.
-RARE HalfUnits8 half_units8(const float8* origin, const float8* direction, const float8* corners) {
+APART HalfUnits8 half_units8(const float8* origin, const float8* direction, const float8* corners) {
     const double8 x = unit_of_axis8(corners, origin, 0u), y = unit_of_axis8(corners, origin, 1u);
     const double8 z = unit_of_axis8(corners, origin, 2u);
     const double8 without_x = convert_double8(unit8(direction[0])) * y * z;

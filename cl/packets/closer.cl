@@ -65,7 +65,7 @@ typedef struct {
 } CloserNumbers8;
 
 // Of rays that start on no triangle, by origins and directions, and triangles of nine coordinates, corner by corner.
-RARE void closer_numbers8(const float8* origin, const float8* direction, const float8* corners, CloserNumbers8* n) {
+APART void closer_numbers8(const float8* origin, const float8* direction, const float8* corners, CloserNumbers8* n) {
     TriangleInDoubles t;
     triangle_in_doubles(origin, direction, corners, &t);
     const DoubleDoubles3 normal = dd8_cross(&t.edge1, &t.edge2), moment = dd8_cross(&t.from, &t.along);
@@ -81,7 +81,7 @@ RARE void closer_numbers8(const float8* origin, const float8* direction, const f
 }
 
 // Their first parts.
-RARE Numbers8 numbers_of_pairs8(const CloserNumbers8* n) {
+APART Numbers8 numbers_of_pairs8(const CloserNumbers8* n) {
     const Numbers8 high = {n->distance.high, n->det.high, n->weight0.high, n->weight1.high, n->weight2.high};
     return high;
 }
@@ -92,7 +92,7 @@ RARE Numbers8 numbers_of_pairs8(const CloserNumbers8* n) {
 #define CLOSER_T (1.01 * CLOSER_ERROR / DECIDE_ERROR_T)
 
 // As decide_closely8(), of rays that start on no triangle.
-RARE Decision8 decide_closer8(const float8* origin, const float8* direction, const float8* corners,
+APART Decision8 decide_closer8(const float8* origin, const float8* direction, const float8* corners,
                               float8 weight_bound, float8 det_bound, float8 t_bound) {
     const HalfUnits8 units = half_units8(origin, direction, corners);
     // Where coordinates have few bits, as those of grids, zeros are certain in doubles.

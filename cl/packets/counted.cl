@@ -54,7 +54,7 @@ int16 surely_hit(const RayPacket* p, const Decision16* d, int16 open, const Pack
 }
 
 // As test_closely().
-RARE void count_closely(GEOMETRY_PARAMETERS, const RayPacket* p, const LeafTriangles_exactly* l, uint reference,
+APART void count_closely(GEOMETRY_PARAMETERS, const RayPacket* p, const LeafTriangles_exactly* l, uint reference,
                         int16 open, const int16 crosses, PacketHits_counted* hits) {
 #ifdef EXTENDED_IS_DOUBLE
     if (!p->has_low) {

@@ -248,7 +248,7 @@ void take_lower(int16 same, uint reference, uint primitive, PacketHits_exactly* 
 // What becomes of the lanes `open`, for which float32 does not decide about that triangle: the same as of their hit, if
 // that is at the same edge or vertex and they surely cross its plane (`crosses`); or twice or four times the precision
 // decides; or it is put aside for them.
-RARE void test_closely(GEOMETRY_PARAMETERS, const RayPacket* p, const LeafTriangles_exactly* l, uint reference,
+APART void test_closely(GEOMETRY_PARAMETERS, const RayPacket* p, const LeafTriangles_exactly* l, uint reference,
                        const bool any_hit, int16 open, const int16 crosses, PacketHits_exactly* hits) {
 #ifdef EXTENDED_IS_DOUBLE
     if (!p->has_low) {

@@ -136,7 +136,7 @@ int8 round_surely_closer8(const DoubleDouble8* number, double8 bound, double8 ha
 }
 
 // As finish_eight(), of rays that start on no triangle, by closer.cl.
-RARE Finished8 finish_eight_closer(const float8* o, const float8* d, const float8* c, const bool wants_t,
+APART Finished8 finish_eight_closer(const float8* o, const float8* d, const float8* c, const bool wants_t,
                                    const FinishBounds8* bounds) {
     CloserNumbers8 n;
     closer_numbers8(o, d, c, &n);

@@ -212,12 +212,13 @@ void traverse_bvh8_packets(GEOMETRY_PARAMETERS, RayPacket* packets, const uint m
         const uint k = first_member(rest);
         range_of(packets, 1u << k, &range);
         add_slabs(&packets[k], &range, geometry->low, geometry->high, geometry->near_reach);
-        if (!are_strangers(GEOMETRY, &packets[k], &range.rays)) {
+        if (!MAY_BE_STRANGERS || !are_strangers(GEOMETRY, &packets[k], &range.rays)) {
             traverse_bvh8_packet(GEOMETRY, &packets[k], &range.rays, any_hit, &hits[k]);
             continue;
         }
         strangers.lanes[k] = lanes_in_root(GEOMETRY, &packets[k], hits[k].t_limit);
         if (strangers.lanes[k] != 0ul) strangers.members |= 1u << k;
     }
-    if (strangers.members != 0u) trace_in_turn(GEOMETRY, packets, &strangers, any_hit, hits);
+    if (MAY_BE_STRANGERS && strangers.members != 0u)
+        trace_in_turn(GEOMETRY, packets, &strangers, any_hit, hits);
 }

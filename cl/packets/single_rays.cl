@@ -62,7 +62,7 @@ ulong open_lanes8(const Decision8* d, float t_near, float t_limit) {
 
 // parallel_to_rays() of one ray and a packet of triangles. A call: it is rare, and the corners are not wanted in
 // registers.
-RARE ulong parallel_to_ray(GEOMETRY_PARAMETERS, float3 direction, uint packet) {
+APART ulong parallel_to_ray(GEOMETRY_PARAMETERS, float3 direction, uint packet) {
     float8 a[3], b[3], c[3];
     load_corners(GEOMETRY, packet, a, b, c);
     return parallel_to_rays(a, b, c, direction.x, direction.y, direction.z);
@@ -71,7 +71,7 @@ RARE ulong parallel_to_ray(GEOMETRY_PARAMETERS, float3 direction, uint packet) {
 #ifdef EXTENDED_IS_DOUBLE
 // decide_closely8() for one ray and a packet of triangles, or decide_closer8() if that is `closer`. Values instead of a
 // pointer to the ray: its address would keep it out of registers.
-RARE Decision8 decide_with_doubles_alone(GEOMETRY_PARAMETERS, float3 origin, float3 direction, uint packet,
+APART Decision8 decide_with_doubles_alone(GEOMETRY_PARAMETERS, float3 origin, float3 direction, uint packet,
                                          float8 weight_bound, float8 det_bound, float8 t_bound, const bool closer) {
     float8 corners[9];
     load_corners(GEOMETRY, packet, corners, corners + 3, corners + 6);
@@ -121,7 +121,7 @@ INLINE ulong decide_packet_of_triangles(GEOMETRY_PARAMETERS, const LaneRay* ray,
 
 // Whether a ray meets triangle `i` of that decision surely where it meets its hit: where it starts, or at the same
 // vertex or edge. Of the two the lower number is the hit.
-RARE bool take_tie(GEOMETRY_PARAMETERS, SingleRay_exactly* ray, const Decision8* d, uint i, uint reference,
+APART bool take_tie(GEOMETRY_PARAMETERS, SingleRay_exactly* ray, const Decision8* d, uint i, uint reference,
                    uint primitive) {
 #ifdef EXTENDED_IS_DOUBLE
     if (!(((const int*)&d->sure)[i] != 0 && lane_of8(&d->t_low, i) == AT_START && ray->hit_low == AT_START)) {

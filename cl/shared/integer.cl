@@ -9,7 +9,13 @@
 #define MAX_LIMBS 59 // see integer_units() in cl/intersect/exact_integers.cl
 
 // A copy of a function at each of its many calls would take compilers longer than all tracing takes: 17 s on NVIDIA's.
-#define RARE __attribute__((noinline))
+// PoCL's is to make what is rare small as well, which is sooner done.
+#define APART __attribute__((noinline))
+#ifdef POCL_DEVICE_ADDRESS_BITS
+#define RARE __attribute__((noinline, cold, minsize))
+#else
+#define RARE APART
+#endif
 
 typedef struct {
     uint limb[MAX_LIMBS];

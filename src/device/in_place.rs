@@ -8,10 +8,10 @@ use super::deferred::Deferred;
 use super::rows::Rows;
 use super::{Buffer, DeviceContext};
 use crate::error::Result;
-use crate::parallel;
+use crate::parallel::{self, rays_in_caches};
 use crate::ray_order::SortRoom;
 use crate::shared::{Hit, TraceRay};
-use crate::tracer::{RayStream, TraceJob, TraceResult, rays_in_caches, take_in_pieces};
+use crate::tracer::{RayStream, TraceJob, TraceResult, take_in_pieces};
 use std::ops::Range;
 
 /// The memory of a part, which a tracer keeps from one batch to the next.

@@ -30,7 +30,7 @@ use crate::reference::extreme::{all_extreme, answer_extreme};
 use crate::shared::{COUNTERS, CameraSample, Hit, Light, RenderParams};
 use crate::tracer::{
     Adaptive, AllHits, AllHitsJob, Backend, Candidates, CandidatesJob, Progress, RayStream, RenderResult, Spent, Task,
-    TraceJob, TraceResult, check_lights, rays_in_caches,
+    TraceJob, TraceResult, check_lights,
 };
 use crate::work::{PixelWork, RayWork};
 use bytemuck::Pod;
@@ -269,11 +269,7 @@ impl Backend for OpenClBackend {
     }
 
     fn pixels_at_a_time(&self) -> u64 {
-        match self.context.info().shares_host_memory() {
-            // On two cores pictures of 2^24 pixels took .90 of the time of parts of 2^23, with four samples .92.
-            true => 4 * rays_in_caches() as u64,
-            false => u64::MAX,
-        }
+        self.context.info().pixels_at_a_time()
     }
 
     fn stop_when(&mut self, stop: Arc<AtomicBool>) {

@@ -5,13 +5,13 @@ use super::tracer::{Share, Tracer, WHOLE, in_share};
 use crate::crossings::{OfPoints, QUESTIONS, are_odd, contains_by, require_exact, trace_crossings};
 use crate::device::DeviceKind;
 use crate::error::Result;
-use crate::parallel::{self, lock, unlocked};
+use crate::parallel::{self, lock, rays_in_caches, unlocked};
 use crate::reference::extreme::WorldRay;
 use crate::renderer::{Picture, PictureBlocks, render_by_several};
 use crate::runs::{Asked, BatchJob, RUN_RAYS, RaysOnDemand, RunRays, Runs, TracedRuns, trace_by_several, trace_runs};
 use crate::shared::Hit;
 use crate::streamed::{OfHit, trace_streamed};
-use crate::tracer::{AllHits, Finished, RayStream, RenderResult, Spent, rays_in_caches};
+use crate::tracer::{AllHits, Finished, RayStream, RenderResult, Spent};
 use std::sync::Mutex;
 
 /// The rays of a batch.

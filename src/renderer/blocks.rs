@@ -151,11 +151,12 @@ impl PictureBlocks {
         self.units_of(&self.numbers(), 1).into_iter().map(region).collect()
     }
 
-    /// About how many pixels are in flight at the most while blocks are rendered.
-    pub fn in_flight(&self) -> u64 {
+    /// About how many pixels are in flight at the most while blocks are rendered on a device that has at most so many
+    /// at a time.
+    pub fn in_flight(&self, on_device: u64) -> u64 {
         let pixels = u64::from(self.part.size.0) * u64::from(self.part.size.1);
         let most = match self.cut {
-            Cut::Bands(rows) => (u64::from(rows) * u64::from(self.part.size.0)).max(GROUP_PIXELS),
+            Cut::Bands(rows) => (u64::from(rows) * u64::from(self.part.size.0)).max(on_device.min(GROUP_PIXELS)),
             Cut::Strewn(blocks, _) => (blocks.area.0 * blocks.area.1) as u64,
         };
         most.min(pixels)

@@ -7,8 +7,10 @@ use super::{Picture, rendered_params};
 use crate::adaptive::{blocks_of, render_area};
 use crate::blocks::Area;
 use crate::error::{Error, Result};
+use crate::io::film::{Film, FilmPlace};
 use crate::pack::{SceneBuffers, sample_positions};
 use crate::scene::Samples;
+use crate::shared::{CameraSample, RenderParams, TILE_SIDE};
 use crate::tracer::{Adaptive, Backend, Progress, RenderResult};
 use std::fmt;
 use std::str::FromStr;
@@ -121,13 +123,84 @@ pub fn render_part_noting(
         Samples::Error(error) => {
             render_area(tracer, &params, Adaptive::of_error(error), &crop.area(), notes_sampling, progress)
         }
-        fixed => tracer.render(&params.cropped(crop.place, crop.size), &sample_positions(fixed), progress),
+        fixed => {
+            let most_pixels = match tracer.options().counters {
+                // What is counted of each pixel comes in one piece.
+                true => u64::MAX,
+                false => tracer.pixels_at_a_time(),
+            };
+            render_fixed((tracer, most_pixels), &params, &sample_positions(fixed), crop, progress)
+        }
     }
+}
+
+/// Renders a part of a picture with these samples of each pixel, at a time as many rows as have so many pixels.
+fn render_fixed(
+    (tracer, most_pixels): (&mut dyn Backend, u64),
+    params: &RenderParams,
+    samples: &[CameraSample],
+    part: Crop,
+    progress: Progress,
+) -> Result<RenderResult> {
+    let Crop { place: (left, top), size: (width, height) } = part;
+    let tiles = most_pixels / u64::from(width * TILE_SIDE);
+    if tiles * u64::from(TILE_SIDE) >= u64::from(height) {
+        return tracer.render(&params.cropped(part.place, part.size), samples, progress);
+    }
+    let (band, columns) = (tiles.max(1) as u32 * TILE_SIDE, width as usize);
+    let pixels = Film::try_pixels(columns * height as usize)?;
+    let mut result = RenderResult::of_film(Film { width, height, pixels });
+    for first in (0..height).step_by(band as usize) {
+        let rows = band.min(height - first);
+        let pixels = &mut result.film.pixels[first as usize * columns..(first + rows) as usize * columns];
+        let place = FilmPlace { rows: pixels, width: columns, column: 0, columns };
+        let params = params.cropped((left, top + first), (width, rows));
+        let progress = |done: f64| progress((f64::from(first) + done * f64::from(rows)) / f64::from(height));
+        let traced = tracer.render_into(&params, samples, place, &progress)?;
+        result.add(&traced);
+    }
+    Ok(result)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::options::TraceOptions;
+    use crate::renderer::open_tracer;
+    use crate::scene::{Builder, Camera, Light, Material};
+    use glam::Vec3;
+    use std::sync::{Arc, Mutex};
+
+    #[test]
+    fn rows_at_a_time_are_the_rows_of_the_whole_part() {
+        let mut builder = Builder::new();
+        builder.material(Material::matt(Vec3::new(0.8, 0.6, 0.3)));
+        builder.sphere(1.0, 8).light(Light::point(Vec3::new(2.0, 5.0, 4.0), Vec3::ONE));
+        let scene = builder.finish().unwrap();
+        let options = TraceOptions::DEFAULT;
+        let buffers = Arc::new(SceneBuffers::new(&scene, &options).unwrap());
+        let mut tracer = open_tracer(None, &buffers, &options, 2, None).unwrap();
+        let camera = Camera::framing([-Vec3::ONE, Vec3::ONE].into_iter(), 1.0);
+        let samples = Samples::PerPixel(3);
+        let picture = Picture { camera, size: (40, 39), samples, depth: 2, kill_weight: None };
+        let (params, samples) = (rendered_params(tracer.as_ref(), &buffers, &picture), sample_positions(samples));
+        let crop = Crop { place: (2, 1), size: (37, 37) };
+        let mut render = |most_pixels| {
+            let told = Mutex::new(Vec::new());
+            let progress = |done: f64| told.lock().unwrap().push(done);
+            let result = render_fixed((tracer.as_mut(), most_pixels), &params, &samples, crop, &progress).unwrap();
+            (result, told.into_inner().unwrap())
+        };
+        let (whole, _) = render(u64::MAX);
+        assert!(whole.counts[0] == 37 * 37 * 3 && whole.film.pixels.iter().any(|pixel| *pixel != whole.film.pixels[0]));
+        // A tile's rows at the least; two; all but one pixel; all.
+        for most_pixels in [1, 37 * 16, 37 * 40 - 1, 37 * 40] {
+            let (rows, told) = render(most_pixels);
+            assert_eq!(rows.film, whole.film, "{most_pixels} pixels at a time");
+            assert_eq!(rows.counts, whole.counts, "{most_pixels} pixels at a time");
+            assert!(told.is_sorted() && told.last() == Some(&1.0), "{most_pixels}: {told:?}");
+        }
+    }
 
     #[test]
     fn parts_are_typed_as_they_are_written_and_nothing_else() {
