@@ -1,8 +1,9 @@
 """Rates of ray tracers for Python, from NumPy arrays to NumPy arrays: python benches/python/rates.py [MODEL]
 
-Wall clock, in millions of rays or points a second: the median of some rounds, in which all take turns. Without a model
-a knot of 192,000 triangles is made. Nothing else should run meanwhile. Needs numpy and an installed raybrook; embreex
-and open3d are left out where they are not installed. embreex has no counts, no lists and no closest points.
+Wall clock, in millions of rays or points a second: the median of some rounds, in which all take turns. MODEL is a file,
+or one that is made: `knot` of 192,000 triangles (the default), `landscape` of 498,002, a grid of heights, or `voxels`,
+of 256,820 between full and empty cubes. Nothing else should run meanwhile. Needs numpy and an installed raybrook;
+embreex and open3d are left out where they are not installed. embreex has no counts, no lists and no closest points.
 """
 
 import argparse
@@ -20,9 +21,65 @@ from hard_rays import aimed_rays, knot, on_a_grid  # noqa: E402
 import raybrook.open3d  # noqa: E402
 
 
+def landscape(side=500):
+    """Heights over a grid: hills, and steps of chance."""
+    x, y = np.meshgrid(np.arange(side), np.arange(side), indexing="ij")
+    hills = 20 * np.sin(x / 37) * np.cos(y / 53) + 6 * np.sin((x + y) / 11)
+    heights = hills + np.random.default_rng(5).random((side, side))
+    corner = (x * side + y)[:-1, :-1].ravel()
+    across = corner + side + 1
+    faces = [np.stack([corner, corner + side, across], 1), np.stack([corner, across, corner + 1], 1)]
+    return np.stack([x, y, heights], axis=-1).reshape(-1, 3), np.concatenate(faces)
+
+
+def voxels(side=64):
+    """The faces between the full and the empty cubes of a grid, two triangles each."""
+    at = 2 * np.pi * np.indices((side,) * 3) / side
+    full = sum(np.sin(3 * at[axis]) * np.cos(3 * at[axis - 1]) for axis in range(3)) > 0
+    full &= np.random.default_rng(6).random(full.shape) < 0.9
+    full = np.pad(full, 1)
+    squares = []
+    for axis in range(3):
+        ahead = np.roll(full, -1, axis)  # nothing of the last layer is full
+        for is_face, is_flipped in ((full & ~ahead, False), (~full & ahead, True)):
+            first = np.argwhere(is_face)
+            first[:, axis] += 1
+            steps = np.zeros((4, 3), dtype=int)
+            steps[1:3, axis - 2] = steps[2:4, axis - 1] = 1
+            squares.append(first[:, None] + (steps[::-1] if is_flipped else steps))
+    corners = np.concatenate(squares)
+    vertices, numbers = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
+    return vertices, numbers.reshape(-1, 4)[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3)
+
+
+MADE = {"knot": lambda: knot(1200, 80), "landscape": landscape, "voxels": voxels}
+
+
+def structured_rays(vertices, faces, count, random):
+    """Rays that have to do with a model's own vertices and edges: from them, along them, and parallel to an axis."""
+    corners = vertices[faces[random.integers(len(faces), size=count)]]
+    first, second, other = corners[:, 0], corners[:, 1], vertices[random.integers(len(vertices), size=count)]
+    other = np.where((other == first).all(axis=1, keepdims=True), second, other)
+    low, high = vertices.min(axis=0) - 1, vertices.max(axis=0) + 1
+    rays = {
+        "from vertices": (first, random.normal(size=first.shape)),
+        "from vertex to vertex": (first, other - first),
+        "along edges": (first, second - first),
+    }
+    for name, axis, start, way in (("down", 2, high[2], -1), ("sideways", 0, low[0], 1)):
+        direction = np.zeros_like(first)
+        direction[:, axis] = way
+        for kind, targets in (("vertices", first), ("middles of edges", (first + second) / 2)):
+            origins = targets.copy()
+            origins[:, axis] = start
+            rays[f"{name} at {kind}"] = (origins, direction)
+    return {name: np.concatenate(parts, axis=1).astype(np.float32) for name, parts in rays.items()}
+
+
 def batches(vertices, faces, count):
     """Rays by name: from an eye through the pixels of a picture, the same shuffled, from all around to anywhere on the
-    model, and aimed at edges and vertices. And a quarter as many points: anywhere in the model's box, and near it."""
+    model, and aimed at edges and vertices; and those of structured_rays(). And a quarter as many points: anywhere in
+    the model's box, and near it."""
     side = int(count**0.5)
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     eye = ((low + high) / 2 + [0, 0, 1.5 * np.linalg.norm(high - low)]).astype(np.float32)
@@ -46,6 +103,7 @@ def batches(vertices, faces, count):
         "random": np.concatenate([start, targets.astype(np.float32) - start], axis=1),
         "edges": hard[(kinds == 1) | (kinds > 2)],
         "vertices": hard[(kinds == 0) | (kinds == 2)],
+        **structured_rays(vertices, faces, len(primary), random),
         "points in the box": points.astype(np.float32),
         "points near it": near.astype(np.float32),
     }
@@ -99,17 +157,17 @@ TRACERS = {"raybrook": of_raybrook, "Open3D": of_open3d, "embreex": of_embreex}
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("model", nargs="?")
+    parser.add_argument("model", nargs="?", default="knot", help=f"a file, or one of: {', '.join(MADE)}")
     parser.add_argument("--rays", type=int, default=1 << 20)
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--device", default="cpu")
     arguments = parser.parse_args()
-    if arguments.model:
+    if arguments.model in MADE:
+        vertices, faces = on_a_grid(MADE[arguments.model]())
+    else:
         corners = raybrook.Scene.load(arguments.model)._get().corners().reshape(-1, 3)
         vertices, faces = np.unique(corners, axis=0, return_inverse=True)
         faces = faces.reshape(-1, 3)
-    else:
-        vertices, faces = on_a_grid(knot(1200, 80))
     tracers = {}
     for name, make in TRACERS.items():
         try:

@@ -36,13 +36,12 @@ def test_the_judge_knows_what_is_easy():
     assert nearest(triangle[:, ::-1], rays) == [{0}, set(), {0}, set()]
 
 
-@pytest.mark.parametrize("program", [["benches/python/rates.py", "--rays=400", "--rounds=1"]])
-def test_programs(program, tmp_path):
-    run = subprocess.run(
-        [sys.executable, ROOT / program[0], *program[1:]], cwd=tmp_path, capture_output=True, text=True
-    )
+@pytest.mark.parametrize("model", ["knot", "landscape", "voxels", str(ROOT / "scenes" / "vase.obj")])
+def test_the_table_of_rates(model, tmp_path):
+    command = [sys.executable, ROOT / "benches" / "python" / "rates.py", model, "--rays=400", "--rounds=1"]
+    run = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
     assert run.returncode == 0, run.stderr
-    assert run.stdout.count("\n| ") == 23
+    assert run.stdout.count("\n| ") == 51
 
 
 def test_the_simulation_of_many_machines(tmp_path):
