@@ -97,7 +97,7 @@ device_const! {
     /// How many packets of sixteen rays, of a batch or of the camera, a work-item traces together.
     pub const PACKETS_OF_ITEM: u32 = 4;
     /// Hits of a ray up to which packets list them.
-    pub const MOST_LISTED: u32 = 32;
+    pub const MOST_LISTED: u32 = 128;
     /// Where the hits of a ray begin that packets have not listed.
     pub const NOT_LISTED: u32 = u32::MAX;
     /// Side of the square tile of pixels that neighbouring work-items render: their rays run close together.

@@ -21,21 +21,14 @@ typedef struct {
     int16 zeros[MOST_LISTED]; // bits of their weights that are surely zero
 } ListedHits;
 
-// The number of the hit of a lane on that triangle.
-uint number_of_hit(GEOMETRY_PARAMETERS, const ListedHits* listed, uint lane, uint primitive) {
-    uint i = 0;
-    while (LOAD_REFERENCE(geometry, ((const uint*)&listed->found->listed[i])[lane]) != primitive) i++;
-    return i;
-}
-
-// Whether a ray hits the triangle of one hit before that of another, which have the same t once it is rounded: exactly
-// before, or at the same t with a lower number.
+// Whether a ray hits the triangle of one of a lane's hits before that of another, which have the same t once it is
+// rounded: exactly before, or at the same t with a lower number. The hits by their numbers in `listed`.
 RARE bool is_exactly_before(GEOMETRY_PARAMETERS, __global const TraceRay* rays, uint index, const ListedHits* listed,
-                            uint lane, uint primitive, uint other) {
-    const uint of_hit = number_of_hit(GEOMETRY, listed, lane, primitive);
-    const uint of_other = number_of_hit(GEOMETRY, listed, lane, other);
+                            uint lane, uint of_hit, uint of_other) {
     const uint reference = ((const uint*)&listed->found->listed[of_hit])[lane];
     const uint other_reference = ((const uint*)&listed->found->listed[of_other])[lane];
+    const uint primitive = LOAD_REFERENCE(geometry, reference);
+    const uint other = LOAD_REFERENCE(geometry, other_reference);
 #ifdef EXTENDED_IS_DOUBLE
     const uint zeros = (uint)((const int*)&listed->zeros[of_hit])[lane];
     if (zeros != 0u) { // most are met at the same vertex or edge
@@ -51,23 +44,28 @@ RARE bool is_exactly_before(GEOMETRY_PARAMETERS, __global const TraceRay* rays, 
     return hit.primitive == primitive;
 }
 
-// Sorts a ray's hits, the closest first.
+// Sorts a ray's hits, the closest first: their numbers, which tell their triangles, and then the hits.
 void sort_hits(GEOMETRY_PARAMETERS, const BatchTile* batch, uint index, const ListedHits* listed, uint lane,
                __global Hit* hits) {
     const uint count = ((const uint*)&listed->found->count)[lane];
-    for (uint i = 1; i < count; i++) {
-        const Hit hit = hits[i];
+    Hit met[MOST_LISTED];
+    uint numbers[MOST_LISTED];
+    bool is_sorted = true;
+    for (uint i = 0; i < count; i++) {
+        met[i] = hits[i];
         uint place = i;
         for (; place > 0u; place--) {
-            const Hit other = hits[place - 1u];
-            if (hit.t > other.t) break;
-            if (hit.t == other.t && !is_exactly_before(GEOMETRY, batch->rays, index, listed, lane, hit.primitive,
-                                                       other.primitive))
+            const uint other = numbers[place - 1u];
+            if (met[i].t > met[other].t) break;
+            if (met[i].t == met[other].t && !is_exactly_before(GEOMETRY, batch->rays, index, listed, lane, i, other))
                 break;
-            hits[place] = other;
+            numbers[place] = other;
+            is_sorted = false;
         }
-        hits[place] = hit;
+        numbers[place] = i;
     }
+    if (is_sorted) return;
+    for (uint i = 0; i < count; i++) hits[i] = met[numbers[i]];
 }
 
 // Lists the hits of those lanes of a packet, none of which has more than MOST_LISTED.

@@ -39,7 +39,7 @@
 
 // Pictures and batches: how they are divided, counted and limited.
 #define PACKETS_OF_ITEM 4u // How many packets of sixteen rays, of a batch or of the camera, a work-item traces together
-#define MOST_LISTED 32u // Hits of a ray up to which packets list them
+#define MOST_LISTED 128u // Hits of a ray up to which packets list them
 #define NOT_LISTED 4294967295u // Where the hits of a ray begin that packets have not listed
 // Side of the square tile of pixels that neighbouring work-items render: their rays run close together
 #define TILE_SIDE 8u

@@ -15,15 +15,19 @@ use crate::reference::extreme::AllOfExtreme;
 use crate::shared::{Hit, MOST_LISTED, NOT_LISTED, TraceRay};
 use crate::tracer::{AllHits, AllHitsJob, Progress};
 use crate::work::RayWork;
+use std::cell::Cell;
 use std::ops::Range;
 use std::time::Instant;
 
 /// Hits that the device has room for at a time, but for those of one ray: 64 MiB.
 const HITS_AT_A_TIME: usize = 1 << 22;
 
-/// Rays whose hits packets list at a time: they have room for 16 of each, in the mean. Random rays through rooms of up
-/// to a million triangles have 8.
-const RAYS_AT_A_TIME: usize = HITS_AT_A_TIME / 16;
+/// Rays whose hits packets list at a time: they have room for 64 of each, in the mean. Random rays through rooms of up
+/// to a million triangles have 8, those through vertices of voxels 17 to 70.
+const RAYS_AT_A_TIME: usize = HITS_AT_A_TIME / 64;
+
+/// So many rays are listed at a time at least: there is room for all hits that packets list of them.
+const LEAST_RAYS_AT_A_TIME: usize = 1 << 12;
 
 /// Rays whose hits a thread takes from the device at a time.
 const RAYS_TAKEN: usize = 1 << 12;
@@ -93,10 +97,22 @@ impl Lister<'_> {
         let mut result = AllHits::default();
         let mut counts = vec![0; job.rays.len()];
         let (mut hits, mut left) = (Vec::new(), Vec::new());
-        for first in (0..job.rays.len()).step_by(parts.length()) {
-            let part = first..job.rays.len().min(first + parts.length());
-            let of_part = |rays: usize| progress(0.5 * part_of(first + rays, job.rays.len()));
-            parts.run(self, &job.rays[part.clone()], job.most, order, (&mut result, &of_part))?;
+        let (mut first, mut length, farthest) = (0, parts.length(), Cell::new(0));
+        while first < job.rays.len() {
+            let part = first..job.rays.len().min(first + length);
+            let of_part = |rays: usize| {
+                farthest.set(farthest.get().max(first + rays));
+                progress(0.5 * part_of(farthest.get(), job.rays.len()));
+            };
+            let wanted = parts.run(self, &job.rays[part.clone()], job.most, order, (&mut result, &of_part))?;
+            if let Some(shorter) = parts.shorter(part.len(), wanted) {
+                length = shorter;
+                continue;
+            }
+            if wanted < parts.room() / 2 {
+                length = parts.length().min(2 * length);
+            }
+            first = part.end;
             let start = Instant::now();
             parts.take(job, part, extreme, (&mut counts, &mut hits, &mut left))?;
             result.read_s += start.elapsed().as_secs_f64();
@@ -187,11 +203,13 @@ impl PacketLists {
     /// Room for the parts of a batch of so many rays.
     fn new(context: &DeviceContext, rays: usize) -> Result<PacketLists> {
         let rays = rays.clamp(1, RAYS_AT_A_TIME);
+        let room = HITS_AT_A_TIME / RAYS_AT_A_TIME * rays;
+        let least_room = MOST_LISTED as usize * rays.min(LEAST_RAYS_AT_A_TIME);
         Ok(PacketLists {
             rays: Buffer::empty(context, "rays", rays)?,
             counts: Buffer::empty(context, "numbers of hits", rays)?,
             starts: Buffer::empty(context, "starts of hits", rays)?,
-            hits: Buffer::empty(context, "hits", HITS_AT_A_TIME / RAYS_AT_A_TIME * rays)?,
+            hits: Buffer::empty(context, "hits", room.max(least_room))?,
             used: Buffer::empty(context, "places of hits", 1)?,
         })
     }
@@ -201,8 +219,22 @@ impl PacketLists {
         self.rays.len()
     }
 
-    /// Lists up to `most` hits of each of the rays of a part, in an order of their own. What it takes is added to
-    /// `spent`; `progress` is told how many rays are done.
+    /// Hits of a part for which there is room.
+    fn room(&self) -> usize {
+        self.hits.len()
+    }
+
+    /// How many rays to list in place of so many, for whose hits `wanted` places were not enough room; `None` where
+    /// they were. One by one, rays of which there is no room for the hits would take several times as long. Whole items:
+    /// packets do not answer a few rays at the end of a part.
+    fn shorter(&self, rays: usize, wanted: usize) -> Option<usize> {
+        let leasts = || 7 * (rays / 8) * self.room() / wanted / LEAST_RAYS_AT_A_TIME;
+        (wanted > self.room() && rays > LEAST_RAYS_AT_A_TIME).then(|| LEAST_RAYS_AT_A_TIME * leasts().max(1))
+    }
+
+    /// Lists up to `most` hits of each of the rays of a part, in an order of their own. Returns for how many there was
+    /// to be room: where that is more than there is, some rays are only counted. What it takes is added to `spent`;
+    /// `progress` is told how many rays are done.
     fn run(
         &self,
         lister: &mut Lister,
@@ -210,7 +242,7 @@ impl PacketLists {
         most: u32,
         order: &Order,
         (spent, progress): (&mut AllHits, &dyn Fn(usize)),
-    ) -> Result<()> {
+    ) -> Result<usize> {
         let sorted = order.of_counts(rays)?;
         if let Some(sorted) = &sorted {
             *spent.sort_s.get_or_insert(0.0) += sorted.sort_s;
@@ -236,7 +268,7 @@ impl PacketLists {
                 progress(done);
             },
         )?;
-        Ok(())
+        Ok(self.used.read()?.first().map_or(0, |&used| used as usize))
     }
 
     /// Takes the answers of `part`: how many hits its rays have, behind all others the hits, and the rays whose hits

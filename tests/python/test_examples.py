@@ -36,12 +36,30 @@ def test_the_judge_knows_what_is_easy():
     assert nearest(triangle[:, ::-1], rays) == [{0}, set(), {0}, set()]
 
 
-@pytest.mark.parametrize("model", ["knot", "landscape", "voxels", str(ROOT / "scenes" / "vase.obj")])
-def test_the_table_of_rates(model, tmp_path):
+def test_the_table_of_rates(tmp_path):
+    model = ROOT / "scenes" / "vase.obj"
     command = [sys.executable, ROOT / "benches" / "python" / "rates.py", model, "--rays=400", "--rounds=1"]
     run = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
     assert run.returncode == 0, run.stderr
     assert run.stdout.count("\n| ") == 51
+
+
+def test_the_models_of_the_table_of_rates(monkeypatch):
+    monkeypatch.syspath_prepend(ROOT / "benches" / "python")
+    import rates
+
+    vertices, faces = rates.MADE["voxels"]()
+    corners = vertices[faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    assert len(faces) == 256_820 and (np.abs(normals).sum(axis=1) == 1).all()
+    # A closed surface, seen from outside: as much of it looks one way as the other, and it holds whole cubes.
+    assert (normals.sum(axis=0) == 0).all()
+    volume = np.einsum("ni,ni->", corners[:, 0], normals)
+    assert volume > 0 and volume % 6 == 0
+    vertices, faces = rates.MADE["landscape"]()
+    corners = vertices[faces]
+    ups = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, 2]
+    assert len(faces) == 498_002 and (ups == 1).all()
 
 
 def test_the_simulation_of_many_machines(tmp_path):
