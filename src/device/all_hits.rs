@@ -23,7 +23,7 @@ use std::time::Instant;
 const HITS_AT_A_TIME: usize = 1 << 22;
 
 /// Rays whose hits packets list at a time: they have room for 64 of each, in the mean. Random rays through rooms of up
-/// to a million triangles have 8, those through vertices of voxels 17 to 70.
+/// to a million triangles have 8, those through vertices of voxels 20 to 68.
 const RAYS_AT_A_TIME: usize = HITS_AT_A_TIME / 64;
 
 /// So many rays are listed at a time at least: there is room for all hits that packets list of them.
@@ -268,7 +268,9 @@ impl PacketLists {
                 progress(done);
             },
         )?;
-        Ok(self.used.read()?.first().map_or(0, |&used| used as usize))
+        let mut used = [0];
+        self.used.read_into(0, &mut used)?;
+        Ok(used[0] as usize)
     }
 
     /// Takes the answers of `part`: how many hits its rays have, behind all others the hits, and the rays whose hits

@@ -36,9 +36,9 @@ def test_the_judge_knows_what_is_easy():
     assert nearest(triangle[:, ::-1], rays) == [{0}, set(), {0}, set()]
 
 
-def test_the_table_of_rates(tmp_path):
-    model = ROOT / "scenes" / "vase.obj"
-    command = [sys.executable, ROOT / "benches" / "python" / "rates.py", model, "--rays=400", "--rounds=1"]
+@pytest.mark.parametrize("model", [[], [ROOT / "scenes" / "vase.obj"]], ids=["made", "file"])
+def test_the_table_of_rates(model, tmp_path):
+    command = [sys.executable, ROOT / "benches" / "python" / "rates.py", *model, "--rays=400", "--rounds=1"]
     run = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
     assert run.returncode == 0, run.stderr
     assert run.stdout.count("\n| ") == 51
