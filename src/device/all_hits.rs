@@ -225,8 +225,8 @@ impl PacketLists {
     }
 
     /// How many rays to list in place of so many, for whose hits `wanted` places were not enough room; `None` where
-    /// they were. One by one, rays of which there is no room for the hits would take several times as long. Whole items:
-    /// packets do not answer a few rays at the end of a part.
+    /// they were. One by one, rays of which there is no room for the hits would take several times as long. Whole
+    /// items: packets do not answer a few rays at the end of a part.
     fn shorter(&self, rays: usize, wanted: usize) -> Option<usize> {
         let leasts = || 7 * (rays / 8) * self.room() / wanted / LEAST_RAYS_AT_A_TIME;
         (wanted > self.room() && rays > LEAST_RAYS_AT_A_TIME).then(|| LEAST_RAYS_AT_A_TIME * leasts().max(1))
