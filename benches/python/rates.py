@@ -77,9 +77,9 @@ def structured_rays(vertices, faces, count, random):
 
 
 def batches(vertices, faces, count):
-    """Rays by name: from an eye through the pixels of a picture, the same shuffled, from all around to anywhere on the
-    model, and aimed at edges and vertices; and those of structured_rays(). And a quarter as many points: anywhere in
-    the model's box, and near it."""
+    """Rays by name: from an eye through the pixels of a picture, the same shuffled, from an eye inside that looks along
+    an axis, from all around to anywhere on the model, and aimed at edges and vertices; and those of structured_rays().
+    And a quarter as many points: anywhere in the model's box, and near it."""
     side = int(count**0.5)
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     eye = ((low + high) / 2 + [0, 0, 1.5 * np.linalg.norm(high - low)]).astype(np.float32)
@@ -87,6 +87,9 @@ def batches(vertices, faces, count):
         fov_deg=40, center=(low + high) / 2, eye=eye, up=[0, 1, 0], width_px=side, height_px=side
     )
     primary = primary.numpy().reshape(-1, 6)
+    ahead, aside = np.ones((side, side)), np.linspace(-0.62, 0.62, side)
+    along = np.stack([ahead, *np.meshgrid(aside, aside)], axis=-1).reshape(-1, 3)
+    inside = np.broadcast_to(low + (high - low) * [0.22, 0.5, 0.5], along.shape)
     random = np.random.default_rng(4)
     away = random.normal(size=(len(primary), 3))
     away *= 0.75 * np.linalg.norm(high - low) / np.linalg.norm(away, axis=1, keepdims=True)
@@ -100,6 +103,7 @@ def batches(vertices, faces, count):
     return {
         "primary": primary,
         "shuffled": primary[np.random.default_rng(2).permutation(len(primary))],
+        "along an axis": np.concatenate([inside, along], axis=1).astype(np.float32),
         "random": np.concatenate([start, targets.astype(np.float32) - start], axis=1),
         "edges": hard[(kinds == 1) | (kinds > 2)],
         "vertices": hard[(kinds == 0) | (kinds == 2)],

@@ -178,6 +178,29 @@ RARE bool rounds_surely_closer(DoubleDouble numerator, float numerator_bound, do
     return fabs(rest.x) > rest_bound;
 }
 
+// The t of a ray that starts on no triangle, where it meets one in a plane across an axis: a difference of two floats by
+// a third. How that rounds is certain, whatever the numbers on the other axes are; seen along an axis, as walls are to
+// a camera that looks along the room, every second is the middle between two floats.
+//
+// A double holds the product of two floats, and mostly the difference. The quotient in doubles rounds to the float
+// nearest to it or to one beside that, so what is left of the difference is a double, too, and where it is more than
+// half of what the gap between these two floats comes to, it is the other one.
+RARE bool rounds_across_axis(const TrianglePoint* start, float3 direction, const Corners* corners, float* t) {
+    const float3 plane = corners->p0, from = start->base;
+    const int3 across = plane == corners->p1 && plane == corners->p2 && direction != (float3)(0.0f);
+    if (!any(across) || start->weight1 != 0.0f || start->weight2 != 0.0f) return false;
+    const DoubleDouble distance = across.x   ? dd_difference(plane.x, from.x)
+                                  : across.y ? dd_difference(plane.y, from.y)
+                                             : dd_difference(plane.z, from.z);
+    const double along = (double)(across.x ? direction.x : across.y ? direction.y : direction.z);
+    *t = (float)(distance.x / along);
+    const double rest = fma(-(double)*t, along, distance.x);
+    const float beside = (rest > 0.0) == (along > 0.0) ? next_up(*t) : next_down(*t);
+    const double half_gap = 0.5 * fabs(((double)beside - (double)*t) * along);
+    if (fabs(rest) > half_gap || (fabs(rest) == half_gap && (as_uint(*t) & 1u) != 0u)) *t = beside;
+    return distance.y == 0.0 && (distance.x == 0.0 || (fabs(*t) > LEAST_MAGNITUDE && fabs(*t) < FLT_MAX));
+}
+
 // Where a triangle has to be hit to be the nearest hit: the ray's limits of t, and those of the t of the nearest hit so
 // far, whose corners are `best`. If there is none, both are t_far. is_lower: whether the triangle has a lower number
 // than that hit.
@@ -225,13 +248,14 @@ RARE ExtendedDecision decide_closer(TrianglePoint start, float3 direction, const
         result.t_high = limits->t_best_high;
         return result;
     }
-    if (is_surely_zero(n.distance, n.distance_bound, units.of_t)) {
+    float t;
+    const bool is_across = rounds_across_axis(&start, direction, corners, &t);
+    if ((is_across && t == 0.0f) || is_surely_zero(n.distance, n.distance_bound, units.of_t)) {
         decide_at_start(limits, &result);
         return result;
     }
-    float t;
-    const bool is_rounded = rounds_surely_closer(n.distance, n.distance_bound, units.of_t, n.det, n.det_bound,
-                                                 units.of_weights, &t);
+    const bool is_rounded = is_across || rounds_surely_closer(n.distance, n.distance_bound, units.of_t, n.det,
+                                                              n.det_bound, units.of_weights, &t);
     if (!is_rounded || !(fabs(t) > LEAST_MAGNITUDE)) return result; // on which side of a limit it is, is open
     if (t < limits->t_near || t > limits->t_far || t > limits->t_best_high) {
         result.decision = MISS;
@@ -275,10 +299,13 @@ RARE FinishedHit finish_closer(TrianglePoint start, float3 direction, const Corn
     closer_numbers(&start, direction, corners, &n);
     const HalfUnits units = half_closer_units(&start, direction, corners);
     FinishedHit hit;
-    hit.at_start = is_surely_zero(n.distance, n.distance_bound, units.of_t);
     hit.t = 0.0f;
-    hit.is_sure = (hit.at_start || rounds_surely_closer(n.distance, n.distance_bound, units.of_t, n.det, n.det_bound,
-                                                        units.of_weights, &hit.t)) &&
+    const bool is_across = rounds_across_axis(&start, direction, corners, &hit.t);
+    hit.at_start = (is_across && hit.t == 0.0f) || is_surely_zero(n.distance, n.distance_bound, units.of_t);
+    if (hit.at_start) hit.t = 0.0f;
+    hit.is_sure = (is_across || hit.at_start ||
+                   rounds_surely_closer(n.distance, n.distance_bound, units.of_t, n.det, n.det_bound,
+                                        units.of_weights, &hit.t)) &&
                   finish_weight_closer(n.weight1, n.bound1, &n, units.of_weights, &hit.u) &&
                   finish_weight_closer(n.weight2, n.bound2, &n, units.of_weights, &hit.v) &&
                   finish_weight_closer(n.weight0, n.bound0, &n, units.of_weights, &hit.weight0);

@@ -135,6 +135,28 @@ int8 round_surely_closer8(const DoubleDouble8* number, double8 bound, double8 ha
     return is_sure && fabs(*rounded) > LEAST_MAGNITUDE;
 }
 
+// As rounds_across_axis(): t, and the lanes where it is certain.
+int8 round_across_axis8(const float8* o, const float8* d, const float8* c, float8* t) {
+    float8 plane = (float8)(0.0f), from = (float8)(0.0f), along = (float8)(0.0f);
+#pragma unroll
+    for (uint axis = 0; axis < 3u; axis++) {
+        const int8 is_across = c[axis] == c[3u + axis] && c[axis] == c[6u + axis] && d[axis] != 0.0f;
+        plane = is_across ? c[axis] : plane;
+        from = is_across ? o[axis] : from;
+        along = is_across ? d[axis] : along;
+    }
+    const DoubleDouble8 distance = dd8_sum(convert_double8(plane), -convert_double8(from));
+    const double8 divisor = convert_double8(along);
+    const float8 nearest = convert_float8(distance.high / divisor);
+    const double8 rounded = convert_double8(nearest), rest = fma(-rounded, divisor, distance.high);
+    const int8 is_farther = convert_int8((rest > 0.0) == (distance.high > 0.0));
+    const float8 beside = as_float8(as_int8(nearest) + (is_farther ? (int8)(1) : (int8)(-1)));
+    const double8 half_gap = 0.5 * fabs((convert_double8(beside) - rounded) * divisor);
+    const int8 is_tie = convert_int8(fabs(rest) == half_gap), is_odd = (as_int8(nearest) & 1) != 0;
+    *t = convert_int8(fabs(rest) > half_gap) || (is_tie && is_odd) ? beside : nearest;
+    return along != 0.0f && convert_int8(distance.low == 0.0) && fabs(*t) > LEAST_MAGNITUDE && fabs(*t) < FLT_MAX;
+}
+
 // As finish_eight(), of rays that start on no triangle, by closer.cl.
 APART Finished8 finish_eight_closer(const float8* o, const float8* d, const float8* c, const bool wants_t,
                                    const FinishBounds8* bounds) {
@@ -159,8 +181,10 @@ APART Finished8 finish_eight_closer(const float8* o, const float8* d, const floa
     if (wants_t) {
         const double8 bound_t = closer_bound8(bounds->third);
         const int8 at_start = is_surely_zero8(n.distance.high, bound_t, units.of_t);
-        f.is_sure = f.is_sure && (ROUND_SURELY(distance, bound_t, of_t, third) || at_start);
-        f.third = at_start ? (float8)(0.0f) : f.third;
+        float8 t_across;
+        const int8 is_across = round_across_axis8(o, d, c, &t_across);
+        f.is_sure = f.is_sure && (ROUND_SURELY(distance, bound_t, of_t, third) || at_start || is_across);
+        f.third = at_start ? (float8)(0.0f) : is_across ? t_across : f.third;
     } else {
         const int8 is_rounded = ROUND_SURELY(weight0, bound0, of_weights, third);
         f.third = is_zero0 ? (float8)(0.0f) : f.third;

@@ -392,6 +392,63 @@ fn triangles_in_the_plane_of_a_ray_are_not_hit_where_others_are() {
     }
 }
 
+/// Walls across the axes, seen along an axis: t is a difference of two floats by a power of two, and every second one is
+/// the middle between two floats. Doubles tell which of them it rounds to, whatever the other axes' numbers are.
+#[test]
+fn distances_to_walls_across_an_axis_need_no_integers() {
+    let Some(device) = device() else { return };
+    let mut random = Random::new(SEED);
+    // A room of six walls, whose coordinates have all their bits.
+    let low = Vec3::new(-9.0, -10.0, -11.0) - 4.0 * Vec3::new(random.unit(), random.unit(), random.unit());
+    let high = Vec3::new(9.0, 10.0, 11.0) + 4.0 * Vec3::new(random.unit(), random.unit(), random.unit());
+    let mut triangles = Vec::new();
+    for axis in 0..3 {
+        for at in [low, high] {
+            let corner = |to_high: [bool; 2]| {
+                let mut p = at;
+                for (i, is_high) in to_high.into_iter().enumerate() {
+                    let k = (axis + 1 + i) % 3;
+                    p[k] = if is_high { high[k] } else { low[k] };
+                }
+                p
+            };
+            let [a, b, c, d] = [[false, false], [true, false], [true, true], [false, true]].map(corner);
+            triangles.extend([[a, b, c], [a, c, d]]);
+        }
+    }
+    let mut sights = Vec::new();
+    let mut middles = 0;
+    for i in 0..3000 {
+        let axis = i % 3;
+        // Far from a wall across the axis, and with a tiny coordinate, whose bits are far below the others'.
+        let mut eye = random.vec3() * 7.0;
+        eye[(axis + 1) % 3] = 1e-3 * random.signed();
+        let mut direction = random.vec3() * 0.25;
+        direction[axis] = random.pick(&[-4.0, -1.0, -0.5, 0.5, 1.0, 2.0]);
+        let wall = if direction[axis] > 0.0 { high[axis] } else { low[axis] };
+        let t = (f64::from(wall) - f64::from(eye[axis])) / f64::from(direction[axis]);
+        let other = if f64::from(t as f32) < t { (t as f32).next_up() } else { (t as f32).next_down() };
+        middles += usize::from(t != f64::from(t as f32) && (f64::from(t as f32) + f64::from(other)) / 2.0 == t);
+        sights.push((eye, direction));
+    }
+    assert!(middles > 500, "{middles} (seed {SEED})");
+    for (structure, packet_size) in [
+        (Structure::Bvh2(BvhOptions::DEFAULT), PacketSize::One),
+        (Structure::Bvh8(BvhOptions::DEFAULT), PacketSize::Sixteen),
+    ] {
+        let options = TraceOptions { intersector: Intersector::Exact, structure, packet_size, ..TraceOptions::DEFAULT };
+        let buffers = Arc::new(SceneBuffers::new(&scene_of(&triangles), &options).unwrap());
+        let rays: Vec<_> =
+            sights.iter().map(|&(eye, direction)| buffers.trace_ray(eye, direction, 0.0, f32::INFINITY)).collect();
+        let job = TraceJob { rays: &rays, next_directions: None, extreme: &[], any_hit: false, repeat: 1 };
+        let [expected, got] = [None, Some(&device)]
+            .map(|device| open_tracer(device, &buffers, &options, 1, None).unwrap().trace(&job, &|_| ()).unwrap());
+        assert!(expected.hits == got.hits, "{structure:?} (seed {SEED})");
+        assert!(expected.hits.iter().all(|hit| hit.primitive != NO_PRIMITIVE), "{structure:?}");
+        assert!(got.second_pass == Some(0) || !device.info.fp64, "{structure:?}: {:?}", got.second_pass);
+    }
+}
+
 /// A point with coordinates of `octaves` powers of two below 2 and their signs, of few or many bits.
 fn wild(octaves: u64, random: &mut Random) -> Vec3 {
     let mut coordinate = || {

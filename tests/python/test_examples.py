@@ -41,7 +41,7 @@ def test_the_table_of_rates(model, tmp_path):
     command = [sys.executable, ROOT / "benches" / "python" / "rates.py", *model, "--rays=400", "--rounds=1"]
     run = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
     assert run.returncode == 0, run.stderr
-    assert run.stdout.count("\n| ") == 51
+    assert run.stdout.count("\n| ") == 55
 
 
 def test_the_models_of_the_table_of_rates(monkeypatch):
