@@ -178,9 +178,9 @@ RARE bool rounds_surely_closer(DoubleDouble numerator, float numerator_bound, do
     return fabs(rest.x) > rest_bound;
 }
 
-// The t of a ray that starts on no triangle, where it meets one in a plane across an axis: a difference of two floats by
-// a third. How that rounds is certain, whatever the numbers on the other axes are; seen along an axis, as walls are to
-// a camera that looks along the room, every second is the middle between two floats.
+// The t of a ray that starts on no triangle, where it meets one in a plane across an axis: a difference of two floats
+// by a third. How that rounds is certain, whatever the numbers on the other axes are; seen along an axis, as walls are
+// to a camera that looks along the room, it is often the middle between two floats.
 //
 // A double holds the product of two floats, and mostly the difference. The quotient in doubles rounds to the float
 // nearest to it or to one beside that, so what is left of the difference is a double, too, and where it is more than

@@ -392,8 +392,8 @@ fn triangles_in_the_plane_of_a_ray_are_not_hit_where_others_are() {
     }
 }
 
-/// Walls across the axes, seen along an axis: t is a difference of two floats by a power of two, and every second one is
-/// the middle between two floats. Doubles tell which of them it rounds to, whatever the other axes' numbers are.
+/// Walls across the axes, seen along an axis: t is a difference of two floats by a power of two, and often the middle
+/// between two floats. Doubles tell which of them it rounds to, whatever the other axes' numbers are.
 #[test]
 fn distances_to_walls_across_an_axis_need_no_integers() {
     let Some(device) = device() else { return };
