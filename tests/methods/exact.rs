@@ -427,8 +427,9 @@ fn distances_to_walls_across_an_axis_need_no_integers() {
         direction[axis] = random.pick(&[-4.0, -1.0, -0.5, 0.5, 1.0, 2.0]);
         let wall = if direction[axis] > 0.0 { high[axis] } else { low[axis] };
         let t = (f64::from(wall) - f64::from(eye[axis])) / f64::from(direction[axis]);
-        let other = if f64::from(t as f32) < t { (t as f32).next_up() } else { (t as f32).next_down() };
-        middles += usize::from(t != f64::from(t as f32) && (f64::from(t as f32) + f64::from(other)) / 2.0 == t);
+        let nearest = t as f32;
+        let other = if f64::from(nearest) < t { nearest.next_up() } else { nearest.next_down() };
+        middles += usize::from(t != f64::from(nearest) && (f64::from(nearest) + f64::from(other)) / 2.0 == t);
         sights.push((eye, direction));
     }
     assert!(middles > 500, "{middles} (seed {SEED})");
